@@ -23,14 +23,11 @@ from subsoil_ros.cli._shared.bed_preparation import bed_progress
 from subsoil_ros.cli._shared.live import live_port, say_where
 from subsoil_ros.cli._shared.preparation import KernelAnnouncer, say_opened
 from subsoil_ros.coupling.run_settings import RunSettings
+from subsoil_ros.coupling.time_limits import LAUNCH_PATIENCE_S
 from subsoil_ros.errors import InputError, RunError
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.ros.process.plan import checked_namespace, nodes_of, remappings
 from subsoil_ros.ros.transport.shared_memory import avoid_full_memory
-
-PATIENCE_S = 15.0
-"""Time for the other nodes to end after one has failed: longer than the 10 s after which a silent node counts
-as dead (STALL_S of heartbeat.py)."""
 
 DEFAULT_SCENE = "config/scenes/subsoiler_1s300_wedge.yaml"
 
@@ -139,7 +136,7 @@ class Ending:
             self.fail(context)
         if not begun or context.is_shutdown:
             return None
-        return TimerAction(period=PATIENCE_S, actions=[OpaqueFunction(function=self.fail)])
+        return TimerAction(period=LAUNCH_PATIENCE_S, actions=[OpaqueFunction(function=self.fail)])
 
     def fail(self, context: LaunchContext) -> None:
         """End the launch. Raises RunError with the first failure."""

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from .coupling.mujoco_machine import MujocoMachine
     from .coupling.outside import Machine, OutsideSoil
     from .messages import SpatialMotion, ToolMotion, ToolWrench
-    from .ros.process.serve import serve
+    from .ros.nodes.serve import serve
 
 __all__ = [
     "Machine",

@@ -8,9 +8,6 @@ from ..errors import InterruptedRunError, RunError
 SIGNAL_STATUS = 128
 """A run ended by a signal has the exit status a shell gives it: this plus the signal's number."""
 
-KEEP_S = 5.0
-"""Time for a run that is interrupted to write a checkpoint; 130,000 particles take about 1 s."""
-
 
 @dataclass(frozen=True)
 class ExitStatus:

@@ -30,8 +30,8 @@ from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import DriverCommand, MechanismState
 from subsoil_ros.recording.checkpoint import newest_valid
 from subsoil_ros.recording.topics import LATCHED, bag_topic
+from subsoil_ros.ros.nodes.composed import run_composed, scene_builds
 from subsoil_ros.ros.nodes.controller_node import ControllerNode
-from subsoil_ros.ros.process.composed import run_composed, scene_builds
 from tests.system.conftest import SCENE, Run, is_alive, messages
 from tests.system.test_nodes import (
     LIMIT_S,

@@ -32,8 +32,8 @@ from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.errors import InputError
 from subsoil_ros.loading.loader import ResolvedScene
 from subsoil_ros.recording.bag_writer import open_bag
+from subsoil_ros.ros.nodes.composed import Build, run_composed
 from subsoil_ros.ros.nodes.recorder_node import RecorderNode
-from subsoil_ros.ros.process.composed import Build, run_composed
 from subsoil_ros.ros.process.parameters import PARAMETERS, read_settings
 from subsoil_ros.ros.transport.qos import LATCHED_QOS
 from tests.system.conftest import SCENE, messages

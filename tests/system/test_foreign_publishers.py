@@ -19,9 +19,9 @@ from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import Grant, NodeStatus, ToolMotion, ToolWrench
 from subsoil_ros.recording.bag_writer import BagWriter
+from subsoil_ros.ros.nodes.composed import run_composed
 from subsoil_ros.ros.nodes.recorder_node import RecorderNode
 from subsoil_ros.ros.process import heartbeat as lifeline_module
-from subsoil_ros.ros.process.composed import run_composed
 from subsoil_ros.ros.transport.qos import LOCKSTEP_QOS, NODE_STATUS_QOS, qos_of
 from tests.system.conftest import SCENE, lockstep_ticks
 from tests.system.test_conventions import spin

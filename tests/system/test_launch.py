@@ -27,7 +27,7 @@ from subsoil_ros.errors import InputError, RunError
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.ros.process.plan import nodes_of
 from subsoil_ros.ros.transport import shared_memory
-from subsoil_ros.ros.transport.domain import run_domain
+from subsoil_ros.ros.transport.ros_domain import run_domain
 from subsoil_ros.ros.transport.shared_memory import LOADED_BYTES, TRANSPORTS
 from tests.system.conftest import SCENE
 from tests.system.test_nodes import contents

@@ -32,13 +32,13 @@ from subsoil_ros.messages import (
     ToolWrench,
 )
 from subsoil_ros.recording.bag_writer import open_bag
+from subsoil_ros.ros.nodes.composed import Build, run_composed
 from subsoil_ros.ros.nodes.coupler_node import CouplerNode
 from subsoil_ros.ros.nodes.mechanism_node import MechanismNode
 from subsoil_ros.ros.nodes.recorder_node import RecorderNode
 from subsoil_ros.ros.nodes.soil_node import SoilNode
-from subsoil_ros.ros.process.composed import Build, run_composed
-from subsoil_ros.ros.transport.domain import run_domain
 from subsoil_ros.ros.transport.qos import LOCKSTEP_QOS
+from subsoil_ros.ros.transport.ros_domain import run_domain
 from subsoil_ros.ticks import INITIAL_TICK
 from tests.system.conftest import SCENE, lockstep_ticks, messages
 

@@ -21,7 +21,7 @@ from ...report.metrics_table import print_summary
 from ...report.sentences import mean_words
 from ...ros.process.plan import checked_namespace, nodes_of
 from ...ros.process.supervisor import Supervisor, node_program, start_node
-from ...ros.transport.domain import run_domain
+from ...ros.transport.ros_domain import run_domain
 from ...ros.transport.shared_memory import avoid_full_memory
 from .bed_preparation import bed_progress
 from .live import live_port, say_where
@@ -129,7 +129,7 @@ def _run_composed(frame: RunFrame, namespace: str, observer: RunObserver) -> Non
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         _avoid_full_memory(1)
-        from ...ros.process.composed import run_composed, scene_builds  # not for other modes: needs ROS
+        from ...ros.nodes.composed import run_composed, scene_builds  # not for other modes: needs ROS
 
         _say_where_nodes_are(frame.settings, domain, namespace)
         builds = scene_builds(frame.settings, observer)

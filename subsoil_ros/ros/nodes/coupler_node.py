@@ -11,7 +11,7 @@ from rclpy.context import Context
 from ...analysis.known_mean import build_stop_rule
 from ...coupling.checkpoints import CouplingState
 from ...coupling.energy_account import InterfaceWork
-from ...coupling.exit_status import KEEP_S, SIGNAL_STATUS, ExitStatus
+from ...coupling.exit_status import SIGNAL_STATUS, ExitStatus
 from ...coupling.observer import RunObserver
 from ...coupling.protocol import (
     ACK_LAG_TICKS,
@@ -26,6 +26,7 @@ from ...coupling.protocol import (
 )
 from ...coupling.run_settings import RunSettings
 from ...coupling.tick_rules import TickRules
+from ...coupling.time_limits import DEADLINE_S, END_WORD_S, KEEP_S, PROGRESS_S, STARTUP_S
 from ...errors import RunError
 from ...messages import (
     CouplingReport,
@@ -41,31 +42,19 @@ from ...recording.standard import clock
 from ...recording.topics import CLOCK
 from ...recording.types import serialize
 from ...ticks import INITIAL_TICK, tick_end_ns
-from ..process.heartbeat import STARTUP_S, Heartbeat, first_status
-from ..process.node_process import report_to_supervisor, run_process
-from ..services.diagnostics import Health, Level
-from ..services.pause_services import PauseServices
-from ..services.run_clock import RunClock
-from ..services.run_control import RunControl
-from ..services.simulation_services import SimulationServices, StepsAction
-from ..transport.message_classes import rclpy_class
-from ..transport.qos import VISUALIZATION_QOS
-from .lockstep_node import LockstepNode, one_line
-
-DEADLINE_S = 60.0
-"""Smallest time limit of a tick: kernels that a later tick needs may have to be compiled."""
+from ..process.heartbeat import Heartbeat, first_status
+from ..process.node_process import one_line, report_to_supervisor, run_process
+from ..transport.qos import VISUALIZATION_QOS, rclpy_class
+from .diagnostics import Health, Level
+from .lockstep_node import LockstepNode
+from .run_control import RunClock, RunControl
+from .run_services import PauseServices, SimulationServices, StepsAction
 
 DEADLINE_MEDIANS = 50.0
 """Time limit of a tick over the median of the last ticks, where that is longer."""
 
 NEAR = 0.5
 """Part of a bound at which diagnostics warn: early enough to act before the run ends or waits at it."""
-
-END_WORD_S = 10.0
-"""Time for the status ENDED of the coupler to reach every node."""
-
-PROGRESS_S = 10.0
-"""Wall time between two lines of the log about progress: six a minute, so a run of hours can be followed."""
 
 REST_S = 0.001
 REST_WINDOW = 4

@@ -1,6 +1,7 @@
 """The mechanism as a node: advances each granted tick under the soil's last wrenches."""
 
 import time
+from typing import cast
 
 from rclpy.context import Context
 
@@ -23,7 +24,7 @@ from ...messages import (
 from ...ticks import tick_end_ns
 from ..process.heartbeat import Heartbeat
 from ..process.node_process import run_process
-from ..services.diagnostics import Health
+from .diagnostics import Health
 from .lockstep_node import LockstepNode
 from .visualization_publisher import VisualizationPublisher
 
@@ -40,7 +41,7 @@ class MechanismNode(LockstepNode):
         super().__init__(MECHANISM, run, heartbeat, context)
         scene = run.resolved.scene
         self._engine = engine
-        self._mechanism: Mechanism | None = engine if scene.mechanism is not None else None  # type: ignore[assignment]
+        self._mechanism = cast(Mechanism, engine) if scene.mechanism is not None else None
         self._with_soil = scene.soil is not None
         needs = Needs.WRENCHES if self._with_soil else Needs.NOTHING
         self._participant = Participant(run.run_id, run.schedule, needs, tuple(scene.tools), commanded=True)

@@ -8,6 +8,7 @@ from rclpy.context import Context
 
 from ...coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, SOIL, RecordBarrier
 from ...coupling.run_settings import RunSettings
+from ...coupling.time_limits import CUT_S
 from ...errors import InputError, ProtocolError, RunError
 from ...loading.loader import ResolvedScene
 from ...messages import (
@@ -34,11 +35,8 @@ from ...scene.model import Scene
 from ...ticks import INITIAL_TICK
 from ..process.heartbeat import Heartbeat
 from ..process.node_process import run_process
-from ..services.diagnostics import Health
+from .diagnostics import Health
 from .lockstep_node import LockstepNode
-
-CUT_S = 2.0
-"""After an abort, time for messages of the last finished tick to come in."""
 
 _LOCKSTEP = (Grant, DriverCommand, ToolMotions, ToolWrenches)
 

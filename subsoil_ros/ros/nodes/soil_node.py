@@ -38,9 +38,8 @@ from ...recording.types import serialize
 from ...ticks import INITIAL_TICK, tick_end_ns
 from ..process.heartbeat import Heartbeat
 from ..process.node_process import run_process
-from ..services.diagnostics import Health, Level
-from ..transport.message_classes import rclpy_class
-from ..transport.qos import VISUALIZATION_QOS
+from ..transport.qos import VISUALIZATION_QOS, rclpy_class
+from .diagnostics import Health, Level
 from .lockstep_node import LockstepNode
 from .visualization_publisher import VisualizationPublisher
 

@@ -8,12 +8,12 @@ from typing import Any
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.exceptions import ParameterException
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 
 from ...coupling.run_settings import RunSettings
 from ...errors import InputError
 from ...loading.loader import load_scene
 from ...recording.checkpoint import read_checkpoint
+from ..transport.private_rclpy import given_parameters
 
 OF_ROS = ("use_sim_time", "start_type_description_service")
 """Parameters that every ROS node takes."""
@@ -87,9 +87,7 @@ def read_settings(node: Node, name: str, more: Mapping[str, ParameterKey] | None
             "their names, so use a namespace (-r __ns:=/NAME) instead"
         )
     keys = {**PARAMETERS, **(more or {})}
-    with node.handle:
-        given = node.handle.get_parameters(Parameter)
-    unknown = sorted(set(given) - set(keys) - set(OF_ROS))
+    unknown = sorted(set(given_parameters(node)) - set(keys) - set(OF_ROS))
     if unknown:
         raise InputError(f"parameter '{unknown[0]}': not known; allowed are {', '.join(sorted(keys))}")
     values = {key: _declare(node, key, found) for key, found in keys.items()}

@@ -12,12 +12,11 @@ from ...coupling.exit_status import ExitStatus, interrupted
 from ...coupling.observer import RunObserver
 from ...coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, SOIL, nodes_from_outside
 from ...coupling.run_settings import RunSettings
-from ..nodes import controller_node, coupler_node, mechanism_node, recorder_node, soil_node
-from ..nodes.lockstep_node import LockstepNode
-from .heartbeat import Heartbeat
-from .node_process import watched_by
-from .node_thread import Service
-from .plan import ros_arguments
+from ..process.heartbeat import Heartbeat
+from ..process.node_process import Service, watched_by
+from ..process.plan import ros_arguments
+from . import controller_node, coupler_node, mechanism_node, recorder_node, soil_node
+from .lockstep_node import LockstepNode
 
 Build = Callable[[RunSettings, Heartbeat, Context], LockstepNode]
 """Builds a node with its engine."""

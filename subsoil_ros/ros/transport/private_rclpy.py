@@ -1,17 +1,26 @@
-"""Loop that waits for messages of one node and calls its callbacks, in the order of its subscriptions.
+"""What is private in rclpy, all of it: each use has its reason here, and a change of rclpy is met here.
 
-rclpy's executors spend more time on a message than the transport does: per exchange between four
-processes the single-threaded one takes twice as long as this loop, which waits and takes as
-rclpy.wait_for_message does. rclpy's EventsExecutor is as quick, but version 7.1.6 can hang in spin()
-holding the GIL.
+`serve` waits and takes messages as rclpy.wait_for_message does. rclpy's executors spend more time on a
+message than the transport does: per exchange between four processes the single-threaded one takes twice as long as
+this loop. rclpy's EventsExecutor is as quick, but version 7.1.6 can hang in spin() holding the GIL.
 """
 
 import time
 from collections.abc import Callable, Collection, Sequence
+from typing import Any
 
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.parameter_service import ParameterService
 from rclpy.service import Service
+
+BAD_ARGUMENTS = (_rclpy.RCLInvalidROSArgsError, _rclpy.UnknownROSArgsError)
+"""Errors of rclpy.init about the arguments after --ros-args, which rclpy.exceptions does not name."""
+
+Logger = RcutilsLogger
+"""The class that get_logger returns, which no public module names."""
 
 BURST = 64
 """Most messages or requests taken from one subscription or service before the next one is served."""
@@ -85,6 +94,18 @@ def serve_requests(node: Node, poll: Callable[[], None], poll_s: float, over: Ca
         _answer(services, wait_set.get_ready_entities("service"), lambda: False)
 
 
+def new_response(service: Service) -> Any:
+    """An empty response of a service, whose annotation does not say that it has one."""
+    kind: Any = service.srv_type
+    return kind.Response()
+
+
+def given_parameters(node: Node) -> Collection[str]:
+    """Names of the parameters that the node was started with: Node has no method for those not declared."""
+    with node.handle:
+        return set(node.handle.get_parameters(Parameter))
+
+
 def _answer(services: Sequence[Service], ready: Collection[int], ended: Callable[[], bool]) -> bool:
     """Pass on the requests that have come; return whether there were any. None is taken once `ended`."""
     asked = False
@@ -94,10 +115,37 @@ def _answer(services: Sequence[Service], ready: Collection[int], ended: Callable
         for _ in range(BURST):
             if ended():
                 return asked
-            kind = service.srv_type.Request  # type: ignore[attr-defined]
-            request, header = service.handle.service_take_request(kind)
+            kind: Any = service.srv_type  # its annotation does not say that it has a Request
+            request, header = service.handle.service_take_request(kind.Request)
             if header is None:
                 break
             asked = True
             service.callback(request, header)
     return asked
+
+
+class ParameterServices:
+    """Serves list, get, describe and the others of rclpy under another node's name.
+
+    Args:
+        node: has the parameters, and is spun.
+        name: name of the other node, in the same namespace.
+    """
+
+    def __init__(self, node: Node, name: str) -> None:
+        self._named = _Named(node, name)  # kept: the service holds only a weak reference
+        self._service = ParameterService(self._named)
+
+
+class _Named:
+    """A node under another name."""
+
+    def __init__(self, node: Node, name: str) -> None:
+        self._node, self._name = node, name
+
+    def get_name(self) -> str:
+        """The other name."""
+        return self._name
+
+    def __getattr__(self, key: str) -> Any:
+        return getattr(self._node, key)

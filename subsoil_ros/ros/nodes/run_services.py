@@ -1,8 +1,9 @@
-"""The services and the action of simulation_interfaces, for tools that control any simulator with them.
+"""Services and the action that control a run: those of simulation_interfaces, and their short forms.
 
-Their types are of that package where it is installed, otherwise of subsoil_msgs, with the same names and
-operations: get_simulator_features, get_simulation_state, set_simulation_state, step_simulation,
-reset_simulation and the action simulate_steps, in the namespace of the run.
+The types are of simulation_interfaces where it is installed, otherwise of subsoil_msgs, with the same names
+and operations: get_simulator_features, get_simulation_state, set_simulation_state, step_simulation,
+reset_simulation and the action simulate_steps, in the namespace of the run. The short forms are ~/pause,
+~/resume (std_srvs/Trigger) and ~/step of the coupler.
 """
 
 import queue
@@ -15,10 +16,13 @@ from typing import Any
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.node import Node
 from rclpy.service import Service
+from std_srvs.srv import Trigger
+from subsoil_msgs.srv import Step
 
 from ..._version import __version__
 from ..process.heartbeat import Heartbeat
-from .run_control import RESET_ADVICE, Result, RunControl
+from ..transport.private_rclpy import new_response
+from .run_control import RESET_ADVICE, Answer, Result, RunControl
 
 FEATURES = (
     "SIMULATION_STATE_GETTING",
@@ -89,7 +93,7 @@ def dialect() -> Dialect:
 
 
 class SimulationServices:
-    """Services of a coupler, in its own thread (message_loop.serve).
+    """Services of a coupler, in its own thread (private_rclpy.serve).
 
     Args:
         guarded: wraps a callback so that its errors become the node's fault.
@@ -107,7 +111,7 @@ class SimulationServices:
     def _serve(self, kind: str, name: str, handle: Callable[[Any, Any, Callable[[Any], None]], None]) -> None:
         def received(request: Any, header: Any) -> None:
             send = partial(_send, service, header)
-            handle(request, service.srv_type.Response(), send)  # type: ignore[attr-defined]
+            handle(request, new_response(service), send)
 
         service: Service = self._node.create_service(
             self._dialect.service(kind), name, self._guarded(received)
@@ -218,3 +222,40 @@ class StepsAction:
             return self._dialect.fill_result(self._kind.Result(), result, reason)
 
         goal.handle.execute(execute)
+
+
+class PauseServices:
+    """The short forms, of a coupler; serve calls their callbacks with the request and the response's header.
+
+    Args:
+        guarded: wraps a callback so that its errors become the node's fault.
+    """
+
+    def __init__(self, node: Node, control: RunControl, guarded: Guarded) -> None:
+        self._control = control
+        self._pause = node.create_service(Trigger, "~/pause", guarded(self._on_pause))
+        self._resume = node.create_service(Trigger, "~/resume", guarded(self._on_resume))
+        self._step = node.create_service(Step, "~/step", guarded(self._on_step))
+
+    def _on_pause(self, request: Any, header: Any) -> None:
+        self._control.pause(self._answer(self._pause, header))
+
+    def _on_resume(self, request: Any, header: Any) -> None:
+        self._control.resume(self._answer(self._resume, header))
+
+    def _on_step(self, request: Any, header: Any) -> None:
+        self._control.step(request.steps, self._answer(self._step, header))
+
+    def _answer(self, service: Service, header: Any) -> Answer:
+        def answer(result: Result, reason: str) -> None:
+            done = self._control.done_tick
+            resumed = service is self._resume
+            well = "the run goes on" if resumed else f"the run stands at the end of tick {done}"
+            response = new_response(service)
+            response.success = result in (Result.OK, Result.ALREADY_IN_TARGET_STATE)
+            response.message = reason or well
+            if service is self._step:
+                response.tick = done
+            service.send_response(response, header)
+
+        return answer

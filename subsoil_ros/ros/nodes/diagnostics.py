@@ -10,13 +10,12 @@ from enum import IntEnum
 
 from rclpy.node import Node
 
+from ...coupling.time_limits import DIAGNOSTICS_S
 from ...recording.standard import stamp
 from ...recording.types import message_class, serialize
 from ...ticks import INITIAL_TICK, tick_end_s
-from ..transport.message_classes import rclpy_class
-from ..transport.qos import VISUALIZATION_QOS
+from ..transport.qos import VISUALIZATION_QOS, rclpy_class
 
-PERIOD_S = 1.0
 TOPIC = "/diagnostics"  # of all nodes of a system (diagnostic_updater); the status names tell them apart
 _KIND = "diagnostic_msgs/msg/DiagnosticArray"
 
@@ -51,7 +50,7 @@ class Diagnostics:
 
     def due(self) -> bool:
         """Whether a message is due."""
-        return time.monotonic() - self._last_s >= PERIOD_S
+        return time.monotonic() - self._last_s >= DIAGNOSTICS_S
 
     def publish(self, health: Health, tick: int) -> None:
         """Publish the health of the node after `tick`, the last one that it has finished."""

@@ -17,22 +17,22 @@ from ...api.load import SceneLike, resolved_scene
 from ...api.run_frame import run_id_of
 from ...coupling.checkpoints import restore_engine
 from ...coupling.engines import PATHS, build_paths
-from ...coupling.exit_status import KEEP_S, ExitStatus, interrupted
+from ...coupling.exit_status import ExitStatus, interrupted
 from ...coupling.outside import Machine, OutsideMachine, OutsideSoil, OutsideSoilEngine, refuse_unlike
 from ...coupling.protocol import MECHANISM, SOIL
 from ...coupling.run_settings import RunSettings
 from ...coupling.signals import caught_signals
+from ...coupling.time_limits import KEEP_S, LAST_WORD_S, LATE_S, RETURN_S
 from ...errors import InputError, RunError
 from ...loading.loader import ResolvedScene
 from ...recording.checkpoint import read_checkpoint
-from ..nodes.lockstep_node import LAST_WORD_S, OWN_TIME, LockstepNode, say
-from ..nodes.mechanism_node import MechanismNode
-from ..nodes.soil_node import SoilNode
+from ..process.heartbeat import Heartbeat
+from ..process.node_process import OWN_TIME, Service, say, watched_by
+from ..process.plan import checked_namespace, ros_arguments
 from ..transport.shared_memory import avoid_full_memory
-from .heartbeat import LATE_S, Heartbeat
-from .node_process import GRACE_S, watched_by
-from .node_thread import Service
-from .plan import checked_namespace, ros_arguments
+from .lockstep_node import LockstepNode
+from .mechanism_node import MechanismNode
+from .soil_node import SoilNode
 
 
 def serve(
@@ -108,7 +108,7 @@ def _serve(run: RunSettings, engine: OutsideMachine | OutsideSoilEngine, namespa
             service.start()
             while not service.ended.wait(0.2) and heartbeat.stop is None and not heartbeat.lost:
                 pass
-            if not service.ended.wait(GRACE_S + LAST_WORD_S + KEEP_S):  # a method has not returned
+            if not service.ended.wait(RETURN_S + LAST_WORD_S + KEEP_S):  # a method has not returned
                 return heartbeat.stop or ExitStatus(RunError.exit_status, heartbeat.lost)
         if service.status.code:
             heartbeat.outlast(LATE_S)  # a coupler that starts later would wait for this node

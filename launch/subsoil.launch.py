@@ -1,4 +1,4 @@
-"""Launch file of a run: the processes of `subsoil run`, from the same plan (ros/process/plan.py).
+"""Launch file of a run: the processes of `subsoil run`, from the same plan (ros/process/node_plan.py).
 
 ros2 launch subsoil_ros subsoil.launch.py scene:=my_scene.yaml namespace:=left
 """
@@ -26,7 +26,7 @@ from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.coupling.time_limits import LAUNCH_PATIENCE_S
 from subsoil_ros.errors import InputError, RunError
 from subsoil_ros.loading.loader import load_scene
-from subsoil_ros.ros.process.plan import checked_namespace, nodes_of, remappings
+from subsoil_ros.ros.process.node_plan import checked_namespace, nodes_of, remappings
 from subsoil_ros.ros.transport.shared_memory import avoid_full_memory
 
 DEFAULT_SCENE = "config/scenes/subsoiler_1s300_wedge.yaml"

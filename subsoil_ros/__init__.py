@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 from ._version import __version__
 
 if TYPE_CHECKING:
-    from .api.check import check
+    from .api.check_scene import check
     from .api.load import load_scene
     from .api.read import read_run
-    from .api.run import run
+    from .api.run_scene import run
+    from .coupling.external import Machine, OutsideSoil
     from .coupling.mujoco_machine import MujocoMachine
-    from .coupling.outside import Machine, OutsideSoil
     from .messages import SpatialMotion, ToolMotion, ToolWrench
     from .ros.nodes.serve import serve
 
@@ -35,17 +35,17 @@ __all__ = [
 ]
 
 _MODULES = {
-    "Machine": "coupling.outside",
+    "Machine": "coupling.external",
     "MujocoMachine": "coupling.mujoco_machine",
-    "OutsideSoil": "coupling.outside",
+    "OutsideSoil": "coupling.external",
     "SpatialMotion": "messages",
     "ToolMotion": "messages",
     "ToolWrench": "messages",
-    "check": "api.check",
+    "check": "api.check_scene",
     "load_scene": "api.load",
     "read_run": "api.read",
-    "run": "api.run",
-    "serve": "ros.process.serve",
+    "run": "api.run_scene",
+    "serve": "ros.nodes.serve",
 }
 
 

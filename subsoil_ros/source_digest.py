@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from .cache_folders import kernel_cache_folder
-from .outside_laws import law_sources, outside_laws
+from .installed_laws import law_sources, outside_laws
 
 PACKAGE = Path(__file__).parent
 

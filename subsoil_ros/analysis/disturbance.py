@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from ..loading.loader import ResolvedScene
 from ..messages import SoilCloud, ToolMotions
-from ..recording.height_map import CELL_DIAMETERS, HeightGrid, height_grid
 from ..recording.joined import open_record
+from ..recording.soil_clouds import CELL_DIAMETERS, HeightGrid, height_grid
 from ..scene.bed_spacing import particle_spacing_m
 from ..scene.beds import GridBed
 from ..scene.meshes import load_tool_mesh

@@ -15,7 +15,7 @@ from ..coupling.run_settings import RunSettings
 from ..errors import SubsoilError
 from ..loading.loader import ResolvedScene
 from ..source_digest import result_digest
-from .results import write_results
+from .run_frame import write_results
 from .simulate import simulate
 
 WARM_UP_TICKS = 3

@@ -3,26 +3,84 @@
 import shutil
 import time
 from collections.abc import Callable
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from ..analysis.series import read_series, write_series_csv
+from ..analysis.summarize import summarize, summarize_unrecorded
 from ..analysis.summary import UnrecordedSummary
 from ..analysis.versions import versions
 from ..coupling.engines import MotionSource, Soil, build_motion_source, build_soil
+from ..coupling.external import Machine, OutsideSoil
 from ..coupling.observer import RunObserver, RunWatch
-from ..coupling.outside import Machine, OutsideSoil
 from ..coupling.run_settings import RunSettings
-from ..errors import InputError, SceneError, SubsoilError
+from ..errors import InputError, RecordingError, SceneError, SubsoilError
+from ..limits.stable_steps import Timing
 from ..loading.loader import ResolvedScene
-from .check import run_notes
-from .checkpoints import CHECKPOINTS, checkpoint_facts, find_checkpoint, name_checkpoint, note_resumption
-from .results import Reading, Working, write_results
+from ..recording.joined import mend_earlier
+from ..recording.recovery import recover
+from .check_scene import run_notes
+from .resume import CHECKPOINTS, checkpoint_facts, find_checkpoint, name_checkpoint, note_resumption
 from .simulate import simulate
 
 if TYPE_CHECKING:
-    from .beds import BedProgress
+    from .prepare_bed import BedProgress
+
+
+Reading = Callable[[Timing], AbstractContextManager[Callable[[int], None]]]
+"""Shows that a bag is being read; yields a callback that takes the time [ns] of each message."""
+
+Working = Callable[[str], AbstractContextManager[object]]
+"""Shows that work of this name is in progress."""
+
+
+def write_results(
+    resolved: ResolvedScene,
+    out: Path,
+    run_info: dict[str, Any],
+    failure: SubsoilError | None = None,
+    *,
+    reading: Reading = lambda timing: nullcontext(lambda time_ns: None),
+    working: Working = nullcontext,
+) -> UnrecordedSummary | None:
+    """Write series.csv and summary.json into the folder `out` of a run, from its bag.
+
+    run_info: facts that are not in the bag, fields of summary.RunFacts.
+
+    Returns:
+        The summary, of a recorded run a summary.Summary; None if the run failed before anything was recorded.
+
+    Raises:
+        RecordingError: the bag of a run that did not fail cannot be read, or the results not be written.
+    """
+    bag = out / "bag"
+    if failure is not None:
+        run_info = run_info | {"failure": str(failure)}
+    try:
+        if not resolved.scene.record.bag and not bag.is_dir():
+            unrecorded = summarize_unrecorded(resolved, run_info)
+            unrecorded.write(out / "summary.json")
+            return unrecorded
+        if failure is not None:
+            with working("looking after the bag"):
+                recover(bag)  # its writer may have been killed; a whole bag is left as it is
+        mend_earlier(out)
+        with reading(resolved.timing) as on_time:
+            series = read_series(bag, resolved.scene, on_time)
+        write_series_csv(series, out / "series.csv")
+        with working("reading the clouds"):
+            summary = summarize(bag, resolved, run_info, series)
+        summary.write(out / "summary.json")
+        return summary
+    except SubsoilError:
+        if failure is None:
+            raise
+    except OSError as error:
+        if failure is None:
+            raise RecordingError(f"{out}: the results cannot be written ({error.strerror})") from error
+    return None
 
 
 RUN_ID_DIGITS = 12
@@ -153,7 +211,7 @@ def _prepare_soil(resolved: ResolvedScene, threads: int, progress: "BedProgress 
     if resolved.scene.particle_soil is None:
         return  # without particles none of their code is imported
     from ..dem.beds.start import check_start
-    from .beds import prepare_bed_first
+    from .prepare_bed import prepare_bed_first
 
     if resolved.scene.particle_soil.device == "gpu":
         from ..dem.gpu.device import refuse_without_gpu

@@ -15,7 +15,7 @@ from ._shared.arguments import add_overrides
 from ._shared.tables import table
 
 if TYPE_CHECKING:
-    from ..api.check import CheckResult
+    from ..api.check_scene import CheckResult
     from ..limits.stable_steps import Timing
     from ..loading.loader import ResolvedScene
     from ..mbd.statics import Rest, Survey
@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Validate the scene and print its tables. Raises SceneError for any error that would stop a run."""
-    from ..api.check import check
+    from ..api.check_scene import check
     from ..loading.loader import load_scene
     from ._shared.preset_rows import accuracy_lines
     from ._shared.soil_rows import material_rows, particle_rows, wedge_rows

@@ -4,7 +4,7 @@ import functools
 from collections.abc import Set
 from typing import get_args
 
-from ..outside_laws import outside_laws
+from ..installed_laws import outside_laws
 from .base import ContactLaw, Features
 from .cohesive_linear.law import CohesiveLinearLaw
 from .elasto_plastic_adhesive.law import ElastoPlasticAdhesiveLaw

@@ -27,7 +27,6 @@ from ..ticks import INITIAL_TICK, tick_end_s
 from .energy_account import InterfaceWork
 from .engines import Resumable, mover_part
 from .protocol import SOIL
-from .stopping import StopState
 
 COUPLING = "coupling"
 
@@ -35,6 +34,25 @@ COUPLING = "coupling"
 def part_names(scene: Scene) -> tuple[str, ...]:
     """Names of the parts of a checkpoint of the scene, without that of the coupling."""
     return (mover_part(scene), SOIL) if scene.soil is not None else (mover_part(scene),)
+
+
+@dataclass(frozen=True, slots=True)
+class StopState:
+    """All that later checks depend on: the means of the bins that are full, and the bin that is not."""
+
+    means: tuple[float, ...] = ()  # of the metric, one a bin
+    total: float = 0.0  # of the metric over the ticks of the bin that is not full
+    count: int = 0  # ticks in that bin
+    started: bool = False  # the metrics window has begun
+    ended: bool = False  # it is over
+    start_m: float | None = None  # tip at the end of the first tick; None: before it
+    travel_m: float = 0.0  # of the tip since then
+    stops: bool = False  # a check has ended the run
+
+    @classmethod
+    def of(cls, document: Mapping[str, Any]) -> "StopState":
+        """The state in a checkpoint."""
+        return cls(**{**document, "means": tuple(document["means"])})
 
 
 @dataclass(frozen=True)

@@ -5,16 +5,15 @@ from collections.abc import Iterator
 from typing import Any, Protocol
 
 from ..messages import Command, Grant, MechanismState, ToolMotions, ToolWrenches
+from ..recording.soil_clouds import recorded_cloud
 from ..ticks import INITIAL_TICK, tick_end_ns
 from .checkpoints import CheckpointWriter, CouplingState, restore_engine
-from .cloud import recorded_cloud
 from .energy_account import InterfaceWork
 from .engines import Engines, soil_state
 from .exit_status import interrupted
 from .observer import RunObserver
 from .run_settings import RunSettings
-from .stopping import StopRule
-from .tick_rules import TickRules
+from .tick_rules import StopRule, TickRules
 
 
 class RecordSink(Protocol):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ..loading.loader import ResolvedScene
 from ..messages import DriverCommand, MechanismState, SoilCloud, SoilState, ToolMotion, ToolWrench
 from ..scene.model import Scene
-from .outside import Machine, OutsideMachine, OutsideSoil, OutsideSoilEngine
+from .external import Machine, OutsideMachine, OutsideSoil, OutsideSoilEngine
 from .protocol import MECHANISM, SOIL
 
 if TYPE_CHECKING:
@@ -144,14 +144,14 @@ def build_mechanism(resolved: ResolvedScene) -> Mechanism | None:
     """The scene's mechanism, assembled; None if it has none. Only the engine in use is imported."""
     if resolved.scene.mechanism is None:
         return None
-    from ..mbd.engine import MechanismEngine
+    from ..mbd.mechanism_engine import MechanismEngine
 
     return MechanismEngine(resolved.scene, resolved.timing)
 
 
 def build_paths(resolved: ResolvedScene) -> MotionSource:
     """The motion source of a scene without mechanism."""
-    from ..mbd.path import PathEngine
+    from ..mbd.tool_paths import PathEngine
 
     return PathEngine(resolved.scene, resolved.timing)
 
@@ -178,7 +178,7 @@ def build_soil(resolved: ResolvedScene, threads: int, soil: OutsideSoil | None =
     if resolved.scene.external_soil:
         return OutsideSoilEngine(resolved, soil)
     if resolved.scene.wedge_soil is not None:
-        from ..wedge.engine import WedgeEngine
+        from ..wedge.wedge_engine import WedgeEngine
 
         return WedgeEngine(resolved)
     from ..dem.build import build_engine

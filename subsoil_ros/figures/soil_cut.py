@@ -15,8 +15,8 @@ from scipy.spatial import ConvexHull
 from ..analysis.poses import posed_vertices_m, reference_angle
 from ..loading.loader import ResolvedScene
 from ..messages import SoilCloud, ToolMotion, ToolMotions
-from ..recording.height_map import soil_span_m
 from ..recording.joined import open_record
+from ..recording.soil_clouds import soil_span_m
 from ..scene.meshes import ToolMesh, load_tool_mesh
 from ..scene.soil import Soil
 from .plotting import new_figure, save_figure

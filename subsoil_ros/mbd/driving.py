@@ -11,7 +11,7 @@ from ..messages import DriverCommand
 from ..scene.controller import Controller
 from ..scene.mechanism import Driver, Mechanism
 from ..scene.time_functions import HalfSineLaw, Law, PolynomialLaw, RampLaw, SineLaw, SumLaw, TableLaw
-from .time_functions import FunctionTable
+from .function_tables import FunctionTable
 
 ROUND_OFF = 1e-9
 """Part by which a command may exceed the largest acceleration, because speeds are rounded."""

@@ -3,24 +3,17 @@
 Coordinates, forces and masses are scaled here: y = q / s, mass s^2, force s, s the column scale.
 """
 
-from .compiled import inner_kernel
 from .forces.evaluation import evaluate_forces, held_in
 from .forces.joint_friction import is_friction, joint_pressure
+from .function_tables import function_value
 from .geometry import evaluate_turns
 from .joints.constraints import evaluate_gamma
-from .joints.table import DRIVER
+from .joints.rows import DRIVER
+from .kernel_options import inner_kernel
 from .kkt import factor_whole, solve_whole
 from .linear import copy, lu_factor, lu_solve, lu_solve_transposed
+from .machine_arrays import BY_DRIVERS, JAMMED, MANY_FREEDOMS, NOT_FINITE, OK, SINGULAR
 from .partition import close_positions, close_velocities, factor_dependent
-from .tables import (
-    BY_DRIVERS,
-    JAMMED,
-    MANY_FREEDOMS,
-    NOT_FINITE,
-    OK,
-    SINGULAR,
-)
-from .time_functions import function_value
 
 LAST_FRICTION = 60
 """Most iterations of joint friction, which depends on the reactions, which depend on it."""

@@ -1,10 +1,9 @@
 """Energy balance of the mechanism: stored and dissipated energy less the work done on it is constant."""
 
-from .compiled import inner_kernel
 from .forces.evaluation import held_in, report_forces
 from .geometry import evaluate_turns
-from .step_error import SLOWEST
-from .tables import (
+from .kernel_options import inner_kernel
+from .machine_arrays import (
     AT_START,
     BY_DRIVERS,
     BY_LOADS,
@@ -14,6 +13,7 @@ from .tables import (
     LARGEST,
     RESIDUAL,
 )
+from .step_error import SLOWEST
 
 LARGEST_RESIDUAL = 1e-2
 """Largest residual of the balance, as a part of the largest energy turned over; a mean draft needs no better.

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from .compiled import inner_kernel, kernel
+from .kernel_options import inner_kernel, kernel
 
 
 @kernel

@@ -8,7 +8,7 @@ and rows to length one, so that light and heavy bodies count alike in the pivoti
 
 import math
 
-from .compiled import inner_kernel
+from .kernel_options import inner_kernel
 from .linear import lu_factor, lu_solve
 
 

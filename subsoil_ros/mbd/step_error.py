@@ -9,9 +9,9 @@ is an upper estimate of the error of the step itself, which is of order 4.
 
 import math
 
-from .compiled import inner_kernel
+from .kernel_options import inner_kernel
 from .linear import copy
-from .tables import ADAMS_MOULTON, GENERALIZED_ALPHA
+from .machine_arrays import ADAMS_MOULTON, GENERALIZED_ALPHA
 
 MOST_HALVINGS = 16
 """A step is taken in up to 2^16 parts: 8 ns of 500 us, where round-off begins to count."""

@@ -22,13 +22,11 @@ from ..scene.model import Scene
 from ..schedule import Schedule
 from ..ticks import INITIAL_TICK, tick_end_ns
 from .bag_folder import BagFolder, TopicInfo
-from .bag_scene import scene_attachments, scene_notes
-from .description import latched_messages
-from .height_map import height_map
-from .live import SERIES_DEPTH, LiveView
+from .bag_reader import scene_attachments, scene_notes
+from .live_view import SERIES_DEPTH, LiveView
 from .message_codec import reader, writer
-from .point_cloud import cloud_from_message
-from .standard import clock, tool_messages, transforms
+from .soil_clouds import cloud_from_message, height_map
+from .standard_messages import clock, latched_messages, tool_messages, transforms
 from .topics import (
     CLOCK,
     HEIGHT_MAP,

@@ -23,8 +23,8 @@ from rosbags.interfaces import Nodetype
 from .. import messages
 from ..messages import FacetGroupForce, SoilCloud, ToolMotion, ToolWrench, motion_of
 from ..ticks import NANOSECONDS_PER_SECOND, tick_end_ns
-from .point_cloud import point_cloud
-from .standard import WORLD_FRAME
+from .soil_clouds import point_cloud
+from .standard_messages import WORLD_FRAME
 from .types import message_type, older_deserializer, schema_text, serialize, typestore
 
 PLACES: dict[type, dict[str, str]] = {

@@ -49,7 +49,7 @@ LATCHED: dict[str, str] = {
 """Topics published once, before the first tick, and kept for late joiners: topic -> message type."""
 
 HEIGHT_MAP = "soil/height_map"
-"""Relative topic of the surface's height, one for each cloud (height_map.py)."""
+"""Relative topic of the surface's height, one for each cloud (soil_clouds.py)."""
 
 
 def pose_topic(tool: str) -> str:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from subsoil_ros.mbd.tables import LARGEST, RESIDUAL
+from subsoil_ros.mbd.machine_arrays import LARGEST, RESIDUAL
 from subsoil_ros.messages import ToolWrench
 
 TICKS, INTERVAL_NS = 400, 50_000

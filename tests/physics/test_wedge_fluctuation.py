@@ -24,7 +24,7 @@ from subsoil_ros.experiments.calibration.fluctuation import (
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.loading.soil_file import read_soil_file
 from subsoil_ros.messages import ToolWrenches
-from subsoil_ros.wedge.blocks import bearing, block_sizes, mean_bearing
+from subsoil_ros.wedge.failure_blocks import bearing, block_sizes, mean_bearing
 
 CONFIG = Path(__file__).parents[2] / "config"
 

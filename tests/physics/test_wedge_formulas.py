@@ -10,7 +10,7 @@ from subsoil_ros.scene.wedge import (
     WedgeValues,
     WheelSoil,
 )
-from subsoil_ros.wedge.wedge import (
+from subsoil_ros.wedge.failure_wedge import (
     Plate,
     Strength,
     failure,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from ...api.beds import prepare_bed_first
+from ...api.prepare_bed import prepare_bed_first
 from ...dem.beds.bed_file import write_bed
 from ...dem.beds.report import BedReport, report_bed
 from ...dem.build import build_engine

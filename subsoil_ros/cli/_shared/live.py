@@ -31,7 +31,7 @@ def live_port(wanted: str | None) -> int:
     if wanted is None:
         return 0
     require("--live", "foxglove")
-    from ...recording.live import HOST
+    from ...recording.live_view import HOST
 
     if not wanted.isdecimal() or int(wanted) > 65535:
         raise InputError(f"live view: given '{wanted}'; it must be a port from 1024 to 65535, or 0 for any")
@@ -50,6 +50,6 @@ def live_port(wanted: str | None) -> int:
 def say_where(port: int) -> None:
     """Print the address of the live view, if there is one."""
     if port:
-        from ...recording.live import HOST
+        from ...recording.live_view import HOST
 
         print(f"live view: ws://{HOST}:{port} (Foxglove: Open connection, Foxglove WebSocket)", flush=True)

@@ -9,17 +9,17 @@ from typing import Any
 from ...analysis.summary import KnownMean, Summary
 from ...api.run_frame import RunFrame, open_run
 from ...api.simulate import needed_controller
+from ...coupling.exit_status import caught_signals
+from ...coupling.external import refuse_unlike
 from ...coupling.observer import RunObserver, RunWatch
-from ...coupling.outside import refuse_unlike
 from ...coupling.protocol import COUPLER, nodes_from_outside
 from ...coupling.run_settings import RunSettings
-from ...coupling.signals import caught_signals
 from ...errors import InputError
 from ...extras import require_ros
 from ...loading.loader import ResolvedScene, load_scene
 from ...report.metrics_table import print_summary
 from ...report.sentences import mean_words
-from ...ros.process.plan import checked_namespace, nodes_of
+from ...ros.process.node_plan import checked_namespace, nodes_of
 from ...ros.process.supervisor import Supervisor, node_program, start_node
 from ...ros.transport.ros_domain import run_domain
 from ...ros.transport.shared_memory import avoid_full_memory

@@ -7,21 +7,21 @@ ProtocolError. The last tick is granted with END. ABORT names the last tick of t
 at the end of a tick, until it is resumed or steps.
 """
 
-from .commander import Commander
 from .coupler import Coupler, FinishedTick
-from .handshake import CAPABILITIES, needed_capabilities
-from .names import (
+from .handshake import (
     ACK_EVERY_TICKS,
     ACK_LAG_TICKS,
+    CAPABILITIES,
     CONTROLLER,
     COUPLER,
     MECHANISM,
     RECORDER,
     SOIL,
+    needed_capabilities,
     nodes_from_outside,
     participants,
 )
-from .participant import Needs, Participant, Work
+from .participant import Commander, Needs, Participant, Work
 from .record_barrier import RecordBarrier
 from .streams import AnswerStream, Stream
 

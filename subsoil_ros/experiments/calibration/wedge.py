@@ -14,9 +14,9 @@ from ...messages import ToolMotion
 from ...scene.meshes import load_tool_mesh
 from ...scene.tool_faces import CuttingFace, cutting_faces
 from ...scene.wedge import SoilRange, WedgeValues
-from ...wedge.engine import WedgeEngine
-from ...wedge.strength import strength_of
-from ...wedge.wedge import Failure, Plate, failure
+from ...wedge.failure_wedge import Failure, Plate, failure
+from ...wedge.wedge_engine import WedgeEngine
+from ...wedge.wedge_forces import strength_of
 from .design import Point, WedgeDesign, fitted_law, tip_of
 from .fluctuation import Fluctuation, fit_wedges
 from .measured import START, Measured, shortest_wave_m

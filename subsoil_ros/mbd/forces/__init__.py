@@ -24,7 +24,7 @@ from ...scene.mechanism import (
     WheelContact,
 )
 from ..frames import ReferencePoses
-from ..time_functions import FunctionList
+from ..function_tables import FunctionList
 from . import (
     coordinate_spring,
     joint_friction,
@@ -34,7 +34,7 @@ from . import (
     torsion_spring,
     wheel_contact,
 )
-from .builder import Builder, ForceTables
+from .force_table import Builder, ForceTables
 
 FILL_OF_SCENE: dict[type, Callable[[Builder, str, Any], None]] = {
     SpringDamper: spring_damper.fill,

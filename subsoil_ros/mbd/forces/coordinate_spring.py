@@ -1,13 +1,12 @@
 """Spring and damper on one coordinate against a time function: k (g(t) - q_c) + c (g' - q_c')."""
 
 from ...scene.mechanism import CoordinateSpring
-from ..compiled import inner_kernel
 from ..frames import COORDINATE_INDEX
-from ..tables import BY_DRIVERS, DISSIPATED
-from ..time_functions import function_rate, function_value
-from .builder import Builder
+from ..function_tables import function_rate, function_value
+from ..kernel_options import inner_kernel
+from ..machine_arrays import BY_DRIVERS, DISSIPATED
 from .elastic import spring_mode, spring_push
-from .table import COORDINATE_SPRING
+from .force_table import COORDINATE_SPRING, Builder
 
 
 @inner_kernel

@@ -9,15 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiled import inner_kernel, kernel, part_of_kernel
 from ..geometry import turns_of
-from ..tables import DISSIPATED, Model
+from ..kernel_options import inner_kernel, kernel, part_of_kernel
+from ..machine_arrays import DISSIPATED, Model
 from . import coordinate_spring, joint_stops, point_load, spring_damper, torsion_spring, wheel_contact
 from .elastic import has_modes, push_at, spring_mode
-from .joint_friction import friction_limit, friction_push, is_friction
-from .spring_damper import BEFORE
-from .sticking import stick_anchor, stick_mode
-from .table import (
+from .force_table import (
     COORDINATE_SPRING,
     LOCKED_SPRING,
     LOCKED_TORSION,
@@ -27,6 +24,9 @@ from .table import (
     TORSION_SPRING,
     WHEEL_CONTACT,
 )
+from .joint_friction import friction_limit, friction_push, is_friction
+from .spring_damper import BEFORE
+from .sticking import stick_anchor, stick_mode
 
 
 class Held(NamedTuple):

@@ -8,10 +8,9 @@ import math
 
 from ...scene.friction import RotationFriction
 from ...scene.mechanism import PointOnLine, Prismatic, Revolute
-from ..compiled import inner_kernel
-from .builder import Builder
+from ..kernel_options import inner_kernel
+from .force_table import FRICTIONS, ROTATION_FRICTION, TRANSLATION_FRICTION, Builder
 from .sticking import stick_push
-from .table import FRICTIONS, ROTATION_FRICTION, TRANSLATION_FRICTION
 
 
 @inner_kernel

@@ -1,11 +1,10 @@
 """Stops of a joint: one-sided spring-dampers at the ends of its rotation or translation (elastic.py)."""
 
 from ...scene.mechanism import PointOnLine, Prismatic, Revolute
-from ..compiled import inner_kernel
 from ..geometry import difference, relative_velocity, turned
-from .builder import Builder
+from ..kernel_options import inner_kernel
 from .elastic import fill_stops
-from .table import TORSION_SPRING, TRANSLATION_STOPS
+from .force_table import TORSION_SPRING, TRANSLATION_STOPS, Builder
 
 
 @inner_kernel

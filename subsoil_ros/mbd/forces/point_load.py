@@ -1,12 +1,11 @@
 """A prescribed force and moment at a point fixed in the body, along world axes."""
 
 from ...scene.mechanism import PointLoad
-from ..compiled import inner_kernel
+from ..function_tables import function_value
 from ..geometry import turned
-from ..tables import BY_LOADS
-from ..time_functions import function_value
-from .builder import Builder
-from .table import POINT_LOAD
+from ..kernel_options import inner_kernel
+from ..machine_arrays import BY_LOADS
+from .force_table import POINT_LOAD, Builder
 
 
 @inner_kernel

@@ -7,11 +7,10 @@ stick stiffness also CONTACTS times that of sticking.py, whose value is x + R ph
 import math
 
 from ...scene.mechanism import WheelContact
-from ..compiled import inner_kernel
-from ..tables import DISSIPATED
-from .builder import Builder
+from ..kernel_options import inner_kernel
+from ..machine_arrays import DISSIPATED
+from .force_table import WHEEL_CONTACT, Builder
 from .sticking import STICKS, stick_anchor, stick_mode, stick_push
-from .table import WHEEL_CONTACT
 
 PRESSED = 1
 

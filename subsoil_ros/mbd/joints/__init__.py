@@ -16,8 +16,7 @@ import numpy as np
 
 from ...scene.mechanism import Driver, Fixed, PointOnLine, Prismatic, Revolute
 from . import driver, fixed, point_on_line, prismatic, revolute, rod, rotation_lock
-from .rows import Reaction
-from .table import (
+from .rows import (
     DRIVER,
     FIXED,
     POINT_ON_LINE,
@@ -26,6 +25,7 @@ from .table import (
     REVOLUTE,
     ROD,
     ROTATION_LOCK,
+    Reaction,
 )
 
 

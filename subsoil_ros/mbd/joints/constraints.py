@@ -3,10 +3,19 @@
 All results are scaled by the rows' scale; the Jacobian also by the columns' scale.
 """
 
-from ..compiled import kernel
+from ..kernel_options import kernel
 from . import driver, fixed, point_on_line, prismatic, revolute, rod
-from .rows import angle_jacobian, angle_residual
-from .table import DRIVER, FIXED, POINT_ON_LINE, PRISMATIC, REVOLUTE, ROD, ROTATION_LOCK
+from .rows import (
+    DRIVER,
+    FIXED,
+    POINT_ON_LINE,
+    PRISMATIC,
+    REVOLUTE,
+    ROD,
+    ROTATION_LOCK,
+    angle_jacobian,
+    angle_residual,
+)
 
 
 @kernel

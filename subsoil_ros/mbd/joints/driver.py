@@ -6,10 +6,12 @@ Absolute: q_c = offset + way. Relative: the same for n . d, n an axis fixed in b
 import numpy as np
 
 from ...scene.mechanism import GROUND, Driver
-from ..compiled import part_of_kernel
 from ..frames import COORDINATE_INDEX, ReferencePoses
-from ..time_functions import FunctionList, function_integral, function_rate, function_value
+from ..function_tables import FunctionList, function_integral, function_rate, function_value
+from ..kernel_options import part_of_kernel
 from .rows import (
+    DRIVER,
+    RELATIVE_DRIVER,
     Reaction,
     angle_columns,
     angle_jacobian,
@@ -20,7 +22,6 @@ from .rows import (
     line_jacobian,
     line_reaction,
 )
-from .table import DRIVER, RELATIVE_DRIVER
 
 
 @part_of_kernel

@@ -3,10 +3,11 @@
 import numpy as np
 
 from ...scene.mechanism import Fixed
-from ..compiled import part_of_kernel
 from ..frames import ReferencePoses
-from ..time_functions import FunctionList
+from ..function_tables import FunctionList
+from ..kernel_options import part_of_kernel
 from .rows import (
+    FIXED,
     Reaction,
     angle_columns,
     angle_jacobian,
@@ -17,7 +18,6 @@ from .rows import (
     points_jacobian,
     points_residual,
 )
-from .table import FIXED
 
 gamma = points_gamma  # gamma of the angle is zero
 

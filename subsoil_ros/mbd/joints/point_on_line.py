@@ -4,9 +4,17 @@ import numpy as np
 
 from ...scene.mechanism import PointOnLine, Prismatic
 from ..frames import ReferencePoses, across
-from ..time_functions import FunctionList
-from .rows import Reaction, fill_pair, line_columns, line_gamma, line_jacobian, line_reaction, line_residual
-from .table import POINT_ON_LINE
+from ..function_tables import FunctionList
+from .rows import (
+    POINT_ON_LINE,
+    Reaction,
+    fill_pair,
+    line_columns,
+    line_gamma,
+    line_jacobian,
+    line_reaction,
+    line_residual,
+)
 
 residual, jacobian, gamma = line_residual, line_jacobian, line_gamma
 columns = line_columns

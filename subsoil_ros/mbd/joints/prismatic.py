@@ -3,11 +3,12 @@
 import numpy as np
 
 from ...scene.mechanism import Prismatic
-from ..compiled import part_of_kernel
 from ..frames import ReferencePoses
-from ..time_functions import FunctionList
+from ..function_tables import FunctionList
+from ..kernel_options import part_of_kernel
 from . import point_on_line
 from .rows import (
+    PRISMATIC,
     Reaction,
     angle_columns,
     angle_jacobian,
@@ -17,7 +18,6 @@ from .rows import (
     line_jacobian,
     line_residual,
 )
-from .table import PRISMATIC
 
 gamma = line_gamma  # gamma of the angle is zero
 

@@ -4,9 +4,16 @@ import numpy as np
 
 from ...scene.mechanism import Revolute
 from ..frames import ReferencePoses
-from ..time_functions import FunctionList
-from .rows import Reaction, fill_pair, points_columns, points_gamma, points_jacobian, points_residual
-from .table import REVOLUTE
+from ..function_tables import FunctionList
+from .rows import (
+    REVOLUTE,
+    Reaction,
+    fill_pair,
+    points_columns,
+    points_gamma,
+    points_jacobian,
+    points_residual,
+)
 
 residual, jacobian, gamma = points_residual, points_jacobian, points_gamma
 columns = points_columns

@@ -13,8 +13,8 @@ from ...coupling.observer import RunObserver
 from ...coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, SOIL, nodes_from_outside
 from ...coupling.run_settings import RunSettings
 from ..process.heartbeat import Heartbeat
+from ..process.node_plan import ros_arguments
 from ..process.node_process import Service, watched_by
-from ..process.plan import ros_arguments
 from . import controller_node, coupler_node, mechanism_node, recorder_node, soil_node
 from .lockstep_node import LockstepNode
 

@@ -38,7 +38,7 @@ from ...messages import (
     ToolMotions,
     ToolWrenches,
 )
-from ...recording.standard import clock
+from ...recording.standard_messages import clock
 from ...recording.topics import CLOCK
 from ...recording.types import serialize
 from ...ticks import INITIAL_TICK, tick_end_ns

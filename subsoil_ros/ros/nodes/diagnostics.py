@@ -11,7 +11,7 @@ from enum import IntEnum
 from rclpy.node import Node
 
 from ...coupling.time_limits import DIAGNOSTICS_S
-from ...recording.standard import stamp
+from ...recording.standard_messages import stamp
 from ...recording.types import message_class, serialize
 from ...ticks import INITIAL_TICK, tick_end_s
 from ..transport.qos import VISUALIZATION_QOS, rclpy_class

@@ -28,7 +28,7 @@ from ...messages import (
 )
 from ...recording.bag_writer import BagWriter, open_bag
 from ...recording.message_codec import reader, writer
-from ...recording.standard import time_ns_of
+from ...recording.standard_messages import time_ns_of
 from ...recording.topics import TOPIC_OF
 from ...recording.types import deserialize, message_type
 from ...scene.model import Scene

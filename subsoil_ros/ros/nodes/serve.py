@@ -17,18 +17,17 @@ from ...api.load import SceneLike, resolved_scene
 from ...api.run_frame import run_id_of
 from ...coupling.checkpoints import restore_engine
 from ...coupling.engines import PATHS, build_paths
-from ...coupling.exit_status import ExitStatus, interrupted
-from ...coupling.outside import Machine, OutsideMachine, OutsideSoil, OutsideSoilEngine, refuse_unlike
+from ...coupling.exit_status import ExitStatus, caught_signals, interrupted
+from ...coupling.external import Machine, OutsideMachine, OutsideSoil, OutsideSoilEngine, refuse_unlike
 from ...coupling.protocol import MECHANISM, SOIL
 from ...coupling.run_settings import RunSettings
-from ...coupling.signals import caught_signals
 from ...coupling.time_limits import KEEP_S, LAST_WORD_S, LATE_S, RETURN_S
 from ...errors import InputError, RunError
 from ...loading.loader import ResolvedScene
 from ...recording.checkpoint import read_checkpoint
 from ..process.heartbeat import Heartbeat
+from ..process.node_plan import checked_namespace, ros_arguments
 from ..process.node_process import OWN_TIME, Service, say, watched_by
-from ..process.plan import checked_namespace, ros_arguments
 from ..transport.shared_memory import avoid_full_memory
 from .lockstep_node import LockstepNode
 from .mechanism_node import MechanismNode

@@ -6,7 +6,6 @@ from dataclasses import fields
 from rclpy.context import Context
 
 from ...coupling.checkpoints import CouplingState, restore_engine
-from ...coupling.cloud import recorded_cloud
 from ...coupling.engines import (
     PATHS,
     MotionSource,
@@ -32,7 +31,8 @@ from ...messages import (
     ToolWrench,
     ToolWrenches,
 )
-from ...recording.standard import tool_messages
+from ...recording.soil_clouds import recorded_cloud
+from ...recording.standard_messages import tool_messages
 from ...recording.topics import tool_topics
 from ...recording.types import serialize
 from ...ticks import INITIAL_TICK, tick_end_ns

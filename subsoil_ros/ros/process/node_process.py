@@ -17,10 +17,9 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-from ...coupling.exit_status import SIGNAL_STATUS, ExitStatus, interrupted
+from ...coupling.exit_status import SIGNAL_STATUS, ExitStatus, caught_signals, interrupted
 from ...coupling.protocol import COUPLER, RECORDER, nodes_from_outside
 from ...coupling.run_settings import RunSettings
-from ...coupling.signals import caught_signals
 from ...coupling.time_limits import CLOSE_S, KEEP_S, LAST_WORD_S, LATE_S, RETURN_S, STARTUP_GRACE_S
 from ...errors import InputError, RunError, SubsoilError
 from ...messages import NodeState

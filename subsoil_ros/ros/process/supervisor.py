@@ -22,7 +22,7 @@ from ...coupling.protocol import COUPLER, RECORDER
 from ...coupling.time_limits import CUT_PATIENCE_S, END_S, FAILED_END_S, KEEP_S, STARTUP_GRACE_S, VERDICT_S
 from ...errors import RunError
 from ..transport.shared_memory import sweep_shared_memory
-from .plan import Parameters, ros_arguments
+from .node_plan import Parameters, ros_arguments
 
 _POLL_S = 0.05
 

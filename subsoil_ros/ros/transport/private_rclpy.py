@@ -1,8 +1,8 @@
 """What is private in rclpy, all of it: each use has its reason here, and a change of rclpy is met here.
 
 `serve` waits and takes messages as rclpy.wait_for_message does. rclpy's executors spend more time on a
-message than the transport does: per exchange between four processes the single-threaded one takes twice as long as
-this loop. rclpy's EventsExecutor is as quick, but version 7.1.6 can hang in spin() holding the GIL.
+message than the transport does: per exchange between four processes the single-threaded one takes twice as
+long as this loop. rclpy's EventsExecutor is as quick, but version 7.1.6 can hang in spin() holding the GIL.
 """
 
 import time

@@ -19,7 +19,7 @@ from subsoil_ros.experiments.calibration.wedge import steady
 from subsoil_ros.experiments.run_cache import keep_run
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.loading.soil_file import read_soil_file
-from subsoil_ros.wedge.engine import WedgeEngine
+from subsoil_ros.wedge.wedge_engine import WedgeEngine
 
 Captured = pytest.CaptureFixture[str]
 SCENES = Path(__file__).parents[3] / "config" / "scenes"

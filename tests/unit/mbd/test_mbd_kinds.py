@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from subsoil_ros.mbd import forces, joints
-from subsoil_ros.mbd.joints.table import JOINT
+from subsoil_ros.mbd.joints.rows import JOINT
 from subsoil_ros.scene import mechanism
 
 

@@ -12,9 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from subsoil_ros.cli.main import main
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
-from subsoil_ros.mbd.engine import MechanismEngine
-from subsoil_ros.recording.description import tool_markers
-from subsoil_ros.recording.standard import WORLD_FRAME, transforms
+from subsoil_ros.mbd.mechanism_engine import MechanismEngine
+from subsoil_ros.recording.standard_messages import WORLD_FRAME, tool_markers, transforms
 from subsoil_ros.scene.meshes import load_tool_mesh
 from subsoil_ros.scene.urdf import WORLD, mesh_uri, robot_description
 

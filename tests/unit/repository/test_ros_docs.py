@@ -43,7 +43,7 @@ def test_every_topic_is_in_the_table_with_its_type() -> None:
 
 
 def test_every_service_and_action_is_in_the_table() -> None:
-    """As simulation_services.py serves them, each with a type that subsoil_msgs has."""
+    """As run_services.py serves them, each with a type that subsoil_msgs has."""
     source = (ROOT / "subsoil_ros/ros/nodes/run_services.py").read_text(encoding="utf-8")
     served = dict(re.findall(r'_serve\("(\w+)", "(\w+)"', source)) | {"SimulateSteps": "simulate_steps"}
     listed = {cells[0].strip("`"): cells[1].split()[0] for cells in rows("Services and the action")}

@@ -7,14 +7,14 @@ import numpy as np
 
 from ..scene.mechanism import Mechanism
 from .forces import tabulate_forces
-from .forces.table import FRICTIONS
+from .forces.force_table import FRICTIONS
 from .frames import COORDINATE_INDEX, ReferencePoses
-from .integrators.adams_moulton import multistep_weights
+from .function_tables import FunctionList, tabulate
+from .integrators.explicit import multistep_weights
 from .joints import MODULE_OF_SCENE, kind_of
-from .joints.table import JOINT
+from .joints.rows import JOINT
+from .machine_arrays import ADAMS_MOULTON, GENERALIZED_ALPHA, RUNGE_KUTTA_4, Model
 from .sparsity import sparsity_of
-from .tables import ADAMS_MOULTON, GENERALIZED_ALPHA, RUNGE_KUTTA_4, Model
-from .time_functions import FunctionList, tabulate
 
 INTEGRATORS = {
     "adams_moulton": ADAMS_MOULTON,

@@ -7,7 +7,13 @@ import pytest
 from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.errors import InputError
 from subsoil_ros.loading.loader import load_scene
-from subsoil_ros.ros.process.plan import NodeStart, checked_namespace, nodes_of, remappings, ros_arguments
+from subsoil_ros.ros.process.node_plan import (
+    NodeStart,
+    checked_namespace,
+    nodes_of,
+    remappings,
+    ros_arguments,
+)
 
 SCENES = Path(__file__).parents[3] / "config" / "scenes"
 EXTERNAL = "controller.law={kind: external}"

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .time_functions import FunctionTable
+from .function_tables import FunctionTable
 
 # Entries of the books of energy: `powers` has the first three, `work` all four.
 BY_DRIVERS, DISSIPATED, BY_LOADS, BY_WRENCHES = 0, 1, 2, 3
@@ -59,7 +59,7 @@ class Model(NamedTuple):
     column_scale: np.ndarray  # (n,) float64: 1, or 1 / `size` for an angle
     sqrt_mass: np.ndarray  # (n,) float64: roots of the masses of the scaled coordinates [kg^0.5]
     sparsity: Sparsity
-    weights: np.ndarray  # (4, order) float64: multistep weights, see adams_moulton.py
+    weights: np.ndarray  # (4, order) float64: multistep weights, see integrators/explicit.py
     gravity: float  # [m/s^2], along -z
     size: float  # of the machine [m]
     step: float  # [s]

@@ -14,6 +14,18 @@ from ..loading.soil_file import refuse_yaw
 from ..messages import FacetGroupForce, SpatialMotion, ToolMotion, ToolWrench
 from ..rotations import LevelAxes, Quaternion, Vector, dot, level_axes, rotation_between
 from ..scene.tool_faces import CuttingFace
+from ..scene.wedge import WedgeValues
+from .failure_wedge import Strength
+
+
+def strength_of(values: WedgeValues, gravity: float) -> Strength:
+    """Strength of soil with these values; gravity [m/s2]."""
+    return Strength(
+        values.density_kg_per_m3 * gravity, values.density_kg_per_m3, values.cohesion_pa,
+        values.friction_angle_rad, values.adhesion_pa, values.tool_friction_angle_rad, values.surcharge_pa,
+        values.speed_factor, values.theory == "perumpral",
+    )  # fmt: skip
+
 
 DRIFT_M_PER_S = 0.01
 """Speed of a plate below which its yaw is not checked: a machine at rest sways that slowly."""

@@ -23,7 +23,7 @@ from ..scene.time_functions import (
     SumLaw,
     TableLaw,
 )
-from .compiled import inner_kernel, kernel
+from .kernel_options import inner_kernel, kernel
 
 NO_FUNCTION = -1
 """Index of a function that is zero at all times."""

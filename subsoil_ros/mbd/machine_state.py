@@ -3,13 +3,13 @@
 import numpy as np
 
 from ..messages import BodyState, ForceState, JointReaction, MechanismState
-from .build import Machine
 from .forces.evaluation import Held, evaluate_forces, report_forces
-from .forces.table import LOCKED_SPRING, LOCKED_TORSION, POINT_LOAD
+from .forces.force_table import LOCKED_SPRING, LOCKED_TORSION, POINT_LOAD
 from .geometry import turns_of
 from .joints import kind_of
 from .joints.constraints import evaluate_jacobian, evaluate_residual, evaluate_speed
-from .tables import BY_DRIVERS, BY_LOADS, BY_WRENCHES, DISSIPATED, PART_COUNT, RESIDUAL, Model, State
+from .machine import Machine
+from .machine_arrays import BY_DRIVERS, BY_LOADS, BY_WRENCHES, DISSIPATED, PART_COUNT, RESIDUAL, Model, State
 
 
 def body_states(machine: Machine, state: State) -> tuple[BodyState, ...]:

@@ -9,8 +9,8 @@ from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
+from ..coupling.external import Machine, OutsideSoil, refuse_unlike
 from ..coupling.observer import RunWatch
-from ..coupling.outside import Machine, OutsideSoil, refuse_unlike
 from ..coupling.run_settings import RunSettings
 from ..errors import InputError
 from ..loading.loader import ResolvedScene

@@ -12,17 +12,12 @@ from ..messages import DriverCommand, MechanismState, ToolMotion, ToolWrench
 from ..scene.model import Scene
 from ..ticks import INITIAL_TICK, tick_end_s
 from .advance import advance_tick
-from .advice import USUAL_TOLERANCE, copied, in_parts, passes
-from .assembly import Start, assemble, weakest_joints
-from .diagnostics import mechanism_state
+from .assembly import Start, Topology, assemble, weakest_joints
 from .driving import Ramp, next_ramp, refuse_jumps, write_ramp
 from .energy_balance import LARGEST_RESIDUAL
 from .geometry import turns_of
 from .joints.constraints import evaluate_residual
-from .projection import Closure
-from .stability import refuse_unstable_step
-from .step_error import MOST_HALVINGS
-from .tables import (
+from .machine_arrays import (
     CONTRADICTION,
     GENERALIZED_ALPHA,
     INACCURATE,
@@ -40,7 +35,10 @@ from .tables import (
     make_state,
     make_workspace,
 )
-from .topology import Topology
+from .machine_state import mechanism_state
+from .projection import Closure
+from .stability import USUAL_TOLERANCE, copied, in_parts, passes, refuse_unstable_step
+from .step_error import MOST_HALVINGS
 
 if TYPE_CHECKING:
     from ..limits.stable_steps import Timing

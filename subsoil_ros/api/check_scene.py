@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..coupling.outside import Machine, effective_masses_kg
+from ..coupling.external import Machine, effective_masses_kg
 from ..errors import SceneError
 from ..limits.communication_steps import CouplingBound, coupling_bounds
 from ..limits.soil_at_work import Finding, soil_at_work

@@ -1,16 +1,16 @@
-"""Adams-Moulton predictor-corrector (PECE) on a history of accelerations.
+"""Explicit integrators: Adams-Moulton predictor-corrector (PECE), and Runge-Kutta, which starts it.
 
-One polynomial through the accelerations gives both updates: its integral the velocities (the Adams formulas),
-its double integral the positions. So history consists of accelerations only. When the wrench from outside
-changes, they are shifted by the change of the present acceleration: the past becomes the one that the new
-wrench would have caused. As the sum of the weights is one, the momentum of a body changes by wrench times
+Adams-Moulton works on a history of accelerations. One polynomial through them gives both updates: its
+integral the velocities (the Adams formulas), its double integral the positions. When the wrench held in a
+tick changes, they are shifted by the change of the present acceleration: the past becomes the one that the
+new wrench would have caused. As the sum of the weights is one, the momentum of a body changes by wrench times
 interval to round-off, whatever the history.
 """
 
 import numpy as np
 from numpy.polynomial import polynomial
 
-from ..compiled import inner_kernel
+from ..kernel_options import inner_kernel
 
 PREDICT_V, PREDICT_Q, CORRECT_V, CORRECT_Q = 0, 1, 2, 3
 
@@ -58,3 +58,25 @@ def multistep_power(model, state, work, i):
     for k in range(2, model.weights.shape[1]):
         total += model.weights[CORRECT_V, k] * state.past_powers[k - 2, i]
     return total
+
+
+@inner_kernel
+def guess_runge_kutta(state, work, step, stage):
+    """The point of stage 1 to 3 from the slopes of the stage before; at stage 4 the end of the step."""
+    count = state.wrench.shape[0]
+    weight = 1.0 if stage == 1 or stage == 4 else 2.0
+    if stage == 1:
+        work.sums[:] = 0.0
+        work.power_sums[:] = 0.0
+    for i in range(count):
+        work.sums[0, i] += weight * work.v[i]
+        work.sums[1, i] += weight * work.a[i]
+    for i in range(state.powers.shape[0]):
+        work.power_sums[i] += weight * work.powers[i]
+    reach = step if stage == 3 else 0.5 * step
+    for i in range(count):
+        rate_q = work.sums[0, i] / 6.0 if stage == 4 else work.v[i]
+        rate_v = work.sums[1, i] / 6.0 if stage == 4 else work.a[i]
+        span = step if stage == 4 else reach
+        work.q[i] = state.q[i] + span * rate_q
+        work.v[i] = state.v[i] + span * rate_v

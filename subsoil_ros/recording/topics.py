@@ -1,5 +1,6 @@
 """Topics of a run: their names, message types, order within a tick, and the QoS they are offered with."""
 
+from functools import cache
 from typing import Any
 
 from ..messages import (
@@ -52,11 +53,13 @@ HEIGHT_MAP = "soil/height_map"
 """Relative topic of the surface's height, one for each cloud (soil_clouds.py)."""
 
 
+@cache
 def pose_topic(tool: str) -> str:
     """Relative topic of a tool's PoseStamped."""
     return f"tool/{tool}/pose"
 
 
+@cache
 def wrench_topic(tool: str) -> str:
     """Relative topic of a tool's WrenchStamped."""
     return f"tool/{tool}/wrench"
@@ -93,6 +96,7 @@ def recorded_topics(scene: Scene) -> dict[str, str]:
     return {TOPIC_OF[kind]: message_type(kind) for kind in kinds} | derived_topics(scene)
 
 
+@cache
 def bag_topic(topic: str) -> str:
     """Name of a topic inside a bag."""
     return topic if topic.startswith("/") else f"{BAG_NAMESPACE}/{topic}"

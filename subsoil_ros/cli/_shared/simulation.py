@@ -13,6 +13,7 @@ from ...coupling.exit_status import caught_signals
 from ...coupling.external import refuse_unlike
 from ...coupling.observer import RunObserver, RunWatch
 from ...coupling.protocol import COUPLER, nodes_from_outside
+from ...coupling.run_options import OPTIONS
 from ...coupling.run_settings import RunSettings
 from ...errors import InputError
 from ...extras import require_ros
@@ -48,10 +49,9 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
         raise InputError("--live: shows what is recorded, and record.bag is false; add --set record.bag=true")
     settings = RunSettings(
         resolved,
-        threads=args.threads,
-        paused=args.paused,
         live_port=live,
         supervised=args.mode == "nodes",
+        **{name: getattr(args, name) for name in OPTIONS},
     )
     frame = open_run(settings, Path(args.out), args.resume, shown=args.scene, bed_progress=bed_progress)
     say_opened(frame)

@@ -21,9 +21,8 @@ from .handshake import (
     nodes_from_outside,
     participants,
 )
-from .participant import Commander, Needs, Participant, Work
+from .participant import AnswerStream, Commander, Needs, Participant, Stream, Work
 from .record_barrier import RecordBarrier
-from .streams import AnswerStream, Stream
 
 __all__ = [
     "ACK_EVERY_TICKS",

@@ -19,7 +19,7 @@ from ...messages import (
 from ...schedule import Schedule
 from ...ticks import INITIAL_TICK
 from .handshake import ACK_LAG_TICKS, CONTROLLER, RECORDER, SOIL, check_node_status
-from .streams import AnswerStream, CommandStream, Stream, refuse_other_tools
+from .participant import AnswerStream, CommandStream, Stream, refuse_other_tools
 
 
 class Checks:

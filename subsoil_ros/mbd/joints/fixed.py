@@ -7,7 +7,6 @@ from ..frames import ReferencePoses
 from ..function_tables import FunctionList
 from ..kernel_options import part_of_kernel
 from .rows import (
-    FIXED,
     Reaction,
     angle_columns,
     angle_jacobian,
@@ -18,6 +17,8 @@ from .rows import (
     points_jacobian,
     points_residual,
 )
+
+KIND = 2
 
 gamma = points_gamma  # gamma of the angle is zero
 
@@ -49,7 +50,7 @@ def angle_rows(joint: np.void) -> tuple[bool, ...]:
 def fill(row: np.void, joint: Fixed, poses: ReferencePoses, functions: FunctionList) -> None:
     """Fill in its row of the table."""
     fill_pair(row, joint, poses)
-    row["kind"] = FIXED
+    row["kind"] = KIND
     row["point_a"] = poses.point(joint.body_a, joint.point_m)
     row["point_b"] = poses.point(joint.body_b, joint.point_m)
 

@@ -6,7 +6,6 @@ from ...scene.mechanism import PointOnLine, Prismatic
 from ..frames import ReferencePoses, across
 from ..function_tables import FunctionList
 from .rows import (
-    POINT_ON_LINE,
     Reaction,
     fill_pair,
     line_columns,
@@ -15,6 +14,8 @@ from .rows import (
     line_reaction,
     line_residual,
 )
+
+KIND = 3
 
 residual, jacobian, gamma = line_residual, line_jacobian, line_gamma
 columns = line_columns
@@ -30,7 +31,7 @@ def fill(
 ) -> None:
     """Fill in its row of the table."""
     fill_pair(row, joint, poses)
-    row["kind"] = POINT_ON_LINE
+    row["kind"] = KIND
     row["point_a"] = poses.point(joint.body_a, joint.point_m)
     row["point_b"] = poses.point(joint.body_b, joint.point_m)
     row["normal"] = poses.vector(joint.body_a, *across(joint.axis))

@@ -8,7 +8,6 @@ from ..function_tables import FunctionList
 from ..kernel_options import part_of_kernel
 from . import point_on_line
 from .rows import (
-    PRISMATIC,
     Reaction,
     angle_columns,
     angle_jacobian,
@@ -18,6 +17,8 @@ from .rows import (
     line_jacobian,
     line_residual,
 )
+
+KIND = 1
 
 gamma = line_gamma  # gamma of the angle is zero
 
@@ -49,7 +50,7 @@ def angle_rows(joint: np.void) -> tuple[bool, ...]:
 def fill(row: np.void, joint: Prismatic, poses: ReferencePoses, functions: FunctionList) -> None:
     """Fill in its row of the table."""
     point_on_line.fill(row, joint, poses, functions)
-    row["kind"] = PRISMATIC
+    row["kind"] = KIND
 
 
 def reaction(joint: np.void, q: np.ndarray, turns: np.ndarray, pushes: np.ndarray) -> Reaction:

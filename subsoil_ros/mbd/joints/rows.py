@@ -13,17 +13,11 @@ from ..frames import ReferencePoses
 from ..geometry import difference, relative_velocity, turned
 from ..kernel_options import part_of_kernel
 
-REVOLUTE, PRISMATIC, FIXED, POINT_ON_LINE, ROD, ROTATION_LOCK, DRIVER, RELATIVE_DRIVER = (
-    0,
-    1,
-    2,
-    3,
-    4,
-    5,
-    6,
-    7,
-)
-"""Drivers come last: kind >= DRIVER. Rods and rotation locks replace locked springs."""
+ROD, ROTATION_LOCK = 4, 5
+"""Kinds of joints that replace locked springs; those of a scene have their KIND in their module."""
+
+DRIVER, RELATIVE_DRIVER = 100, 101
+"""Above all other kinds, as their rows depend on time: kind >= DRIVER."""
 
 JOINT = np.dtype(
     [
@@ -169,6 +163,11 @@ def line_reaction(joint: np.void, turns: np.ndarray, push: float) -> Reaction:
 
 
 # phi_b - phi_a - offset = 0: one row, whose gamma is zero
+
+
+@part_of_kernel
+def no_gamma(joint, q, turns, v, gamma):
+    """Leave gamma at zero."""
 
 
 @part_of_kernel

@@ -47,7 +47,7 @@ from ..process.node_process import one_line, report_to_supervisor, run_process
 from ..transport.qos import VISUALIZATION_QOS, rclpy_class
 from .diagnostics import Health, Level
 from .lockstep_node import LockstepNode
-from .run_control import RunClock, RunControl
+from .run_control import RunControl
 from .run_services import PauseServices, SimulationServices, StepsAction
 
 DEADLINE_MEDIANS = 50.0
@@ -59,6 +59,31 @@ NEAR = 0.5
 REST_S = 0.001
 REST_WINDOW = 4
 """The coupler pauses for the grant window over this number, a quarter of it: no node waits for a grant."""
+
+
+class _RunClock:
+    """Wall time of a run from `start` on [s], without pauses; 0 before."""
+
+    def __init__(self) -> None:
+        self._start = time.monotonic()
+        self._stopped: float | None = self._start  # start of the present pause; None: the clock runs
+
+    def start(self, before_s: float = 0.0) -> None:
+        """Start the clock at `before_s`, the time of earlier runs in a resumed one."""
+        self._start, self._stopped = time.monotonic() - before_s, None
+
+    def stand(self, standing: bool) -> None:
+        """Stop the clock while the run stands."""
+        now = time.monotonic()
+        if self._stopped is not None:
+            self._start += now - self._stopped
+        self._stopped = now if standing else None
+
+    @property
+    def elapsed_s(self) -> float:
+        """The wall time so far."""
+        now = time.monotonic() if self._stopped is None else self._stopped
+        return now - self._start
 
 
 class CouplerNode(LockstepNode):
@@ -92,7 +117,7 @@ class CouplerNode(LockstepNode):
         self._rules: TickRules | None = None  # from the initial exchange
         self._progress_tick = INITIAL_TICK
         self._last_advance = self._progress_s = time.monotonic()
-        self._wall = RunClock()
+        self._wall = _RunClock()
         self._grants = self.publisher(Grant, names)
         self._reports = self.publisher(CouplingReport, (RECORDER,))
         self._clock_publisher = self.create_publisher(
@@ -305,7 +330,8 @@ class CouplerNode(LockstepNode):
     def _follow(self) -> None:
         while (finished := self._coupler.take_finished()) is not None:
             self._apply_rules(finished)
-        self._control.note_done()
+        if self._control.waiting:
+            self._control.note_done()
         self._wall.stand(self._coupler.standing)
         self._grant()
         if self._coupler.finished:

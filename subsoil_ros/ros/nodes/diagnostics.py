@@ -46,11 +46,9 @@ class Diagnostics:
         self._run_id = run_id
         self._communication_step_ns = communication_step_ns
         self._last_s = time.monotonic()
+        self.due_s = self._last_s + DIAGNOSTICS_S
+        """When the next message is due, as time.monotonic gives it."""
         self._last_tick: int | None = None  # None: nothing is done yet
-
-    def due(self) -> bool:
-        """Whether a message is due."""
-        return time.monotonic() - self._last_s >= DIAGNOSTICS_S
 
     def publish(self, health: Health, tick: int) -> None:
         """Publish the health of the node after `tick`, the last one that it has finished."""
@@ -59,6 +57,7 @@ class Diagnostics:
         if self._last_tick is not None and now > self._last_s:
             rate_hz = (tick - self._last_tick) / (now - self._last_s)
         self._last_s, self._last_tick = now, tick
+        self.due_s = now + DIAGNOSTICS_S
         values = {
             "tick": tick,
             "simulated_time_s": tick_end_s(tick, self._communication_step_ns) if tick > INITIAL_TICK else 0.0,

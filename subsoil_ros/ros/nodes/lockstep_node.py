@@ -247,7 +247,7 @@ class LockstepNode(Node):
         self.on_poll()
         if self.heartbeat.state is NodeState.STARTING:
             self._log_waiting()
-        if self._diagnostics.due():
+        if time.monotonic() >= self._diagnostics.due_s:
             self._diagnostics.publish(self.health(), self.heartbeat.tick)
 
     def _log_waiting(self) -> None:

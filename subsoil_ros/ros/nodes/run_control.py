@@ -1,6 +1,5 @@
-"""Pause, resume, steps and the end of a run, as requested by its services and its action; its wall time."""
+"""Pause, resume, steps and the end of a run, as requested by its services and its action."""
 
-import time
 from collections.abc import Callable
 from enum import IntEnum
 
@@ -52,7 +51,8 @@ class RunControl:
         self._changed = changed
         self._end = end
         self._ended = ""  # reason why no request can be served any more
-        self._waiting: list[tuple[int, Answer]] = []  # tick to be done, and its answer
+        self.waiting: list[tuple[int, Answer]] = []
+        """Ticks to be done, and the answers to those who wait for them."""
 
     @property
     def done_tick(self) -> int:
@@ -120,17 +120,17 @@ class RunControl:
     def note_done(self) -> None:
         """Answer the requests whose ticks are done now."""
         done = self._coupler.done_tick
-        waiting, self._waiting = self._waiting, []
+        waiting, self.waiting = self.waiting, []
         for tick, answer in waiting:
             if tick > done:
-                self._waiting.append((tick, answer))
+                self.waiting.append((tick, answer))
             else:
                 answer(Result.OK, "")
 
     def refuse_waiting(self, reason: str) -> None:
         """Answer all waiting requests with the reason why the run has ended."""
         self._ended = reason
-        waiting, self._waiting = self._waiting, []
+        waiting, self.waiting = self.waiting, []
         for _, answer in waiting:
             answer(Result.OPERATION_FAILED, reason)
 
@@ -141,30 +141,5 @@ class RunControl:
         return bool(self._ended)
 
     def _wait_for(self, tick: int, answer: Answer) -> None:
-        self._waiting.append((tick, answer))
+        self.waiting.append((tick, answer))
         self._changed()
-
-
-class RunClock:
-    """Measures wall time from `start` on [s]; 0 before."""
-
-    def __init__(self) -> None:
-        self._start = time.monotonic()
-        self._stopped: float | None = self._start  # start of the present pause; None: the clock runs
-
-    def start(self, before_s: float = 0.0) -> None:
-        """Start the clock at `before_s`, the time of earlier runs in a resumed one."""
-        self._start, self._stopped = time.monotonic() - before_s, None
-
-    def stand(self, standing: bool) -> None:
-        """Stop the clock while the run stands."""
-        now = time.monotonic()
-        if self._stopped is not None:
-            self._start += now - self._stopped
-        self._stopped = now if standing else None
-
-    @property
-    def elapsed_s(self) -> float:
-        """The wall time so far."""
-        now = time.monotonic() if self._stopped is None else self._stopped
-        return now - self._start

@@ -9,7 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...coupling.protocol import COUPLER, RECORDER, SOIL, nodes_from_outside
+from ...coupling.protocol import COUPLER, RECORDER, nodes_from_outside
+from ...coupling.run_options import OPTIONS
 from ...coupling.run_settings import RunSettings
 from ...errors import InputError
 
@@ -48,11 +49,9 @@ def nodes_of(run: RunSettings, scene: Path) -> tuple[NodeStart, ...]:
         "checkpoints": _resolved(run.checkpoints),
         "resume": _resolved(run.resumed.path if run.resumed is not None else None),
     }
-    own: dict[str, Parameters] = {
-        SOIL: {"threads": run.threads},
-        RECORDER: {"bag": _resolved(run.bag), "live": run.live_port},
-        COUPLER: {"paused": run.paused},
-    }
+    own: dict[str, Parameters] = {RECORDER: {"bag": _resolved(run.bag), "live": run.live_port}}
+    for option, found in OPTIONS.items():
+        own[found.node] = {**own.get(found.node, {}), option: getattr(run, option)}
     left_out = nodes_from_outside(run.resolved.scene)
     names = [name for name in run.participants if name not in left_out]
     return tuple(NodeStart(name, {**common, **own.get(name, {})}) for name in (*names, COUPLER))

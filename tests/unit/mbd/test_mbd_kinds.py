@@ -13,7 +13,7 @@ from subsoil_ros.scene import mechanism
 def test_every_kind_of_a_scene_is_registered() -> None:
     """The unions of the scene's model and the two registrations name the same classes."""
     assert set(joints.MODULE_OF_SCENE) == set(get_args(get_args(mechanism.Joint)[0]))
-    assert set(forces.FILL_OF_SCENE) == set(get_args(get_args(mechanism.Force)[0]))
+    assert set(forces.MODULE_OF_SCENE) == set(get_args(get_args(mechanism.Force)[0]))
 
 
 @pytest.mark.parametrize("kind", joints.KINDS)

@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 import yaml
 
 import subsoil_ros
+from subsoil_ros.coupling.run_options import OPTIONS
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.recording.topics import LATCHED, TOPIC_OF, derived_topics
 
@@ -57,7 +58,7 @@ def test_every_parameter_is_in_the_table() -> None:
     source = (ROOT / "subsoil_ros/ros/process/parameters.py").read_text(encoding="utf-8")
     declared = re.findall(r'^    "(\w+)": ParameterKey\(', source.split("PARAMETERS: ")[1], re.MULTILINE)
     listed = {name for cells in rows("Parameters") for name in re.findall(r"`(\w+)`", cells[0])}
-    assert listed == set(declared)
+    assert listed == {*declared, *OPTIONS}
 
 
 def test_the_citation_is_of_this_version() -> None:

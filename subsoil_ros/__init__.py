@@ -1,7 +1,7 @@
 """Soil-tool co-simulation: discrete-element soil and a planar machine in lockstep.
 
 `load_scene`, `check`, `run` and `read_run` are the public interface. For machines and soils of other
-programs there are `serve`, the protocols `Machine` and `OutsideSoil`, what they exchange (`ToolMotion`,
+programs there are `serve`, the protocols `Machine` and `ExternalSoil`, what they exchange (`ToolMotion`,
 `SpatialMotion`, `ToolWrench`) and `MujocoMachine`. Each is imported when it is first used.
 """
 
@@ -14,15 +14,15 @@ if TYPE_CHECKING:
     from .api.load import load_scene
     from .api.read import read_run
     from .api.run_scene import run
-    from .coupling.external import Machine, OutsideSoil
+    from .coupling.external import ExternalSoil, Machine
     from .coupling.mujoco_machine import MujocoMachine
     from .messages import SpatialMotion, ToolMotion, ToolWrench
     from .ros.nodes.serve import serve
 
 __all__ = [
+    "ExternalSoil",
     "Machine",
     "MujocoMachine",
-    "OutsideSoil",
     "SpatialMotion",
     "ToolMotion",
     "ToolWrench",
@@ -37,7 +37,7 @@ __all__ = [
 _MODULES = {
     "Machine": "coupling.external",
     "MujocoMachine": "coupling.mujoco_machine",
-    "OutsideSoil": "coupling.external",
+    "ExternalSoil": "coupling.external",
     "SpatialMotion": "messages",
     "ToolMotion": "messages",
     "ToolWrench": "messages",

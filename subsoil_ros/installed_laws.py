@@ -16,7 +16,7 @@ GROUP = "subsoil_ros.contact_laws"
 
 
 @functools.cache
-def outside_laws() -> dict[str, EntryPoint]:
+def installed_laws() -> dict[str, EntryPoint]:
     """Entry point of each law by its kind; of two of one kind, the first on sys.path."""
     found: dict[str, EntryPoint] = {}
     for entry in entry_points(group=GROUP):
@@ -30,7 +30,7 @@ def law_sources(kind: str) -> dict[str, Path]:
 
     All files of the package count, whether the law's kernels use them or not.
     """
-    package = outside_laws()[kind].module.partition(".")[0]
+    package = installed_laws()[kind].module.partition(".")[0]
     try:
         spec = sys.modules[package].__spec__ if package in sys.modules else importlib.util.find_spec(package)
     except (ImportError, ValueError):

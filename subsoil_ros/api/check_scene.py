@@ -109,7 +109,7 @@ def check(
     Args:
         scene: as load_scene takes it, or gives it.
         overrides: as in load_scene.
-        machine: from outside; its effective_mass_kg gives the bounds on the communication step.
+        machine: an external one; its effective_mass_kg gives the bounds on the communication step.
 
     Returns:
         Particles, limits, cost and warnings; `print` shows them.

@@ -16,7 +16,7 @@ from ..analysis.summary import SCHEMA_VERSION
 from ..errors import InputError
 from ..loading.loader import ResolvedScene, load_scene
 from ..recording.bag_reader import mcap_path, read_scene
-from ..recording.joined import mend_earlier
+from ..recording.joined import recover_earlier
 from .resume import checkpoint_facts
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def recorded_run(path: Path) -> Iterator[RecordedRun]:
     directory = _folder_of_run(path)
     if directory is not None:
         resolved = load_scene(directory / "scene.yaml")
-        mend_earlier(directory)
+        recover_earlier(directory)
         yield RecordedRun(directory, directory / "bag", resolved)
         return
     try:

@@ -13,13 +13,13 @@ from ..analysis.summarize import summarize, summarize_unrecorded
 from ..analysis.summary import UnrecordedSummary
 from ..analysis.versions import versions
 from ..coupling.engines import MotionSource, Soil, build_motion_source, build_soil
-from ..coupling.external import Machine, OutsideSoil
+from ..coupling.external import ExternalSoil, Machine
 from ..coupling.observer import RunObserver, RunWatch
 from ..coupling.run_settings import RunSettings
 from ..errors import InputError, RecordingError, SceneError, SubsoilError
 from ..limits.stable_steps import Timing
 from ..loading.loader import ResolvedScene
-from ..recording.joined import mend_earlier
+from ..recording.joined import recover_earlier
 from ..recording.recovery import recover
 from .check_scene import run_notes
 from .resume import CHECKPOINTS, checkpoint_facts, find_checkpoint, name_checkpoint, note_resumption
@@ -66,7 +66,7 @@ def write_results(
         if failure is not None:
             with working("looking after the bag"):
                 recover(bag)  # its writer may have been killed; a whole bag is left as it is
-        mend_earlier(out)
+        recover_earlier(out)
         with reading(resolved.timing) as on_time:
             series = read_series(bag, resolved.scene, on_time)
         write_series_csv(series, out / "series.csv")
@@ -91,9 +91,9 @@ RUN_ID_DIGITS = 12
 class RunFrame:
     """A run in a folder of its own, from its start to its results.
 
-    out: its folder, with scene.yaml in it; motion_source: the mechanism, the paths or the machine from
-    outside, None if that joins over DDS; warnings: why newer checkpoints than the one it resumes from are
-    not used; soil: from outside, in this process.
+    out: its folder, with scene.yaml in it; motion_source: the mechanism, the paths or the external
+    machine, None if that joins over DDS; warnings: why newer checkpoints than the one it resumes from are
+    not used; soil: external, in this process.
     """
 
     settings: RunSettings
@@ -164,7 +164,7 @@ def open_run(
     shown: str | None = None,
     bed_progress: "BedProgress | None" = None,
     machine: Machine | None = None,
-    soil: OutsideSoil | None = None,
+    soil: ExternalSoil | None = None,
 ) -> RunFrame:
     """Check that the scene can be run, prepare its bed, and make the folder `out`.
 
@@ -172,7 +172,7 @@ def open_run(
         settings: run_id, bag, checkpoints and resumed are set here.
         resume: folder of an earlier run of the scene, to go on from.
         shown: the scene as the user named it, for messages.
-        machine, soil: from outside, in this process.
+        machine, soil: external, in this process.
         bed_progress: shows the preparation of a bed that takes long.
 
     Raises:
@@ -183,7 +183,7 @@ def open_run(
     try:
         joins = resolved.scene.external_machine and machine is None
         motion_source = None if joins else build_motion_source(resolved, machine)
-        outside = build_soil(resolved, settings.threads, soil) if soil is not None else None
+        external = build_soil(resolved, settings.threads, soil) if soil is not None else None
         _prepare_soil(resolved, settings.threads, bed_progress)
     except SceneError as error:
         raise SceneError(f"{shown or resolved.path}: {error}") from error
@@ -195,7 +195,7 @@ def open_run(
         checkpoints=out / CHECKPOINTS,
         resumed=resumed,
     )
-    frame = RunFrame(settings, out, motion_source, tuple(warnings), outside)
+    frame = RunFrame(settings, out, motion_source, tuple(warnings), external)
     resolved.write(frame.scene)
     if resumed is not None and resume is not None:
         note_resumption(resumed, resume, resolved, out)

@@ -9,7 +9,7 @@ from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
-from ..coupling.external import Machine, OutsideSoil, refuse_unlike
+from ..coupling.external import ExternalSoil, Machine, refuse_unlike
 from ..coupling.observer import RunWatch
 from ..coupling.run_settings import RunSettings
 from ..errors import InputError
@@ -32,7 +32,7 @@ def run(
     resume: str | PathLike[str] | None = None,
     progress: Progress | None = None,
     machine: Machine | None = None,
-    soil: OutsideSoil | None = None,
+    soil: ExternalSoil | None = None,
 ) -> Run:
     """Run a scene without ROS, as `subsoil run --mode direct` does: the same files, the same bits.
 

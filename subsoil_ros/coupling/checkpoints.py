@@ -25,7 +25,7 @@ from ..recording.checkpoint import (
 from ..scene.model import Scene
 from ..ticks import INITIAL_TICK, tick_end_s
 from .energy_account import InterfaceWork
-from .engines import Resumable, mover_part
+from .engines import Resumable, motion_source_part
 from .protocol import SOIL
 
 COUPLING = "coupling"
@@ -33,7 +33,7 @@ COUPLING = "coupling"
 
 def part_names(scene: Scene) -> tuple[str, ...]:
     """Names of the parts of a checkpoint of the scene, without that of the coupling."""
-    return (mover_part(scene), SOIL) if scene.soil is not None else (mover_part(scene),)
+    return (motion_source_part(scene), SOIL) if scene.soil is not None else (motion_source_part(scene),)
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,7 +44,7 @@ class Machine(Protocol):
         ...
 
 
-class OutsideSoil(Protocol):
+class ExternalSoil(Protocol):
     """An external soil: computes the forces on the tools of a scene with `soil.model: external`.
 
     It may have `state_arrays` and `restore`, as a Machine.
@@ -63,7 +63,7 @@ class OutsideSoil(Protocol):
         ...
 
 
-class _Outside:
+class _ExternalParticipant:
     """Calls the methods of another program's object, and checks the results."""
 
     def __init__(
@@ -148,7 +148,7 @@ class _Outside:
         return tuple(given)
 
 
-class OutsideMachine(_Outside):
+class ExternalMachineEngine(_ExternalParticipant):
     """The motion source of a scene whose machine is another program.
 
     Raises:
@@ -187,10 +187,10 @@ class OutsideMachine(_Outside):
         return self._answers("advance", RunError, _motion_kind, tick, wrenches)
 
 
-class OutsideSoilEngine(_Outside):
-    """The soil of a scene whose soil is another program. Raises InputError as OutsideMachine."""
+class ExternalSoilEngine(_ExternalParticipant):
+    """The soil of a scene whose soil is another program. Raises InputError as ExternalMachineEngine."""
 
-    def __init__(self, resolved: ResolvedScene, soil: OutsideSoil | None) -> None:
+    def __init__(self, resolved: ResolvedScene, soil: ExternalSoil | None) -> None:
         super().__init__(resolved, "soil", soil, ("start", "advance"))
 
     def start(self, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
@@ -203,7 +203,7 @@ class OutsideSoilEngine(_Outside):
 
 
 def refuse_unlike(
-    resolved: ResolvedScene, machine: Machine | None, soil: OutsideSoil | None, *, alone: bool = True
+    resolved: ResolvedScene, machine: Machine | None, soil: ExternalSoil | None, *, alone: bool = True
 ) -> None:
     """Check that the machine or soil given is one that the scene has as external.
 

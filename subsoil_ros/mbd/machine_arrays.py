@@ -76,7 +76,7 @@ class State(NamedTuple):
     a: np.ndarray  # (n + 3,) float64 [m/s^2, m/s^2, rad/s^2]
     past_a: np.ndarray  # (order - 1, n + 3) float64: accelerations of earlier steps, latest first
     multipliers: np.ndarray  # (m,) float64 [N or N m], zero for a row left out as redundant
-    wrench: np.ndarray  # (n,) float64: held from outside in this tick [N, N, N m]
+    wrench: np.ndarray  # (n,) float64: of the soil, constant in this tick [N, N, N m]
     powers: np.ndarray  # (3,) float64 [W]
     past_powers: np.ndarray  # (order - 1, 3) float64 [W]
     work: np.ndarray  # (4,) float64 [J], since the start

@@ -16,7 +16,7 @@ from ..scene.tool_faces import CuttingFace, WheelFace, cutting_faces, wheel_face
 from ..scene.wedge import WedgeValues
 from .failure_blocks import bearing, block_number, block_sizes
 from .failure_wedge import Failure, Plate, Strength, bearing_pressure, failure, parted
-from .wedge_forces import Felt, FeltInSpace, across_part, on_plate, slip_m, strength_of
+from .wedge_forces import AccumulatedInSpace, AccumulatedLoad, across_part, on_plate, slip_m, strength_of
 from .wheel import SLOWEST_M_PER_S, grip_newton, rolling_resistance_newton, wheel_load_newton
 
 ROUND_OFF_RAD = 1e-9
@@ -164,13 +164,15 @@ class WedgeEngine:
         wrenches = []
         for index, (tool, motion) in enumerate(zip(self._tools, motions, strict=True)):
             memory = self.memory.tools[index]
-            felt: Felt
+            accumulated: AccumulatedLoad
             if isinstance(memory, MemoryInSpace) and isinstance(motion, SpatialMotion):
                 a, b, c, d = memory.quaternion
                 before = (memory.x_m, memory.y_m, memory.z_m), (a, b, c, d)
                 memory.x_m, memory.y_m, memory.z_m = motion.position_m
                 memory.quaternion = list(motion.quaternion)
-                felt, motion, moved = FeltInSpace.of(len(tool.groups), before, motion, self._interval_s)
+                accumulated, motion, moved = AccumulatedInSpace.of(
+                    len(tool.groups), before, motion, self._interval_s
+                )
             else:
                 moved = (
                     motion.x_m - memory.x_m,
@@ -178,26 +180,26 @@ class WedgeEngine:
                     motion.angle_rad - memory.angle_rad,
                 )
                 memory.x_m, memory.z_m, memory.angle_rad = motion.x_m, motion.z_m, motion.angle_rad
-                felt = Felt([[0.0, 0.0] for _ in tool.groups])
+                accumulated = AccumulatedLoad([[0.0, 0.0] for _ in tool.groups])
             if tool.wheel is not None:
-                self._roll(tool.wheel, memory, motion, moved, felt)
+                self._roll(tool.wheel, memory, motion, moved, accumulated)
             sizes = self._block_sizes(index, motion) if tool.faces else []
             for number, face in enumerate(tool.faces):
-                self._cut(where, index, number, face, motion, moved, felt, sizes)
-            wrenches.append(felt.wrench(tool.name, tool.groups, moved))
+                self._cut(where, index, number, face, motion, moved, accumulated, sizes)
+            wrenches.append(accumulated.wrench(tool.name, tool.groups, moved))
         return tuple(wrenches)
 
     def _cut(
         self, where: str, index: int, number: int, face: CuttingFace, motion: ToolMotion,
-        moved: tuple[float, float, float], felt: Felt, sizes: list[float],
+        moved: tuple[float, float, float], accumulated: AccumulatedLoad, sizes: list[float],
     ) -> None:  # fmt: skip
         """Add wedge and sides of one face at `motion`, after the displacement `moved` (x, z, phi)."""
         tool, memory = self._tools[index], self.memory.tools[index]
         turn = motion.angle_rad - tool.reference_angle_rad
         cosine, sine = math.cos(turn), math.sin(turn)
         tip, top = ((cosine * x - sine * z, sine * x + cosine * z) for x, z in (face.tip_m, face.top_m))
-        moved = felt.at(face, moved)
-        ahead, below = felt.tip_m(tip)
+        moved = accumulated.at(face, moved)
+        ahead, below = accumulated.tip_m(tip)
         depth, tip_x = -(motion.z_m + below), motion.x_m + ahead
         if depth <= 0.0 or not 0.0 < tip_x < self._length_m:
             memory.normal_newton[number] = 0.0
@@ -222,7 +224,7 @@ class WedgeEngine:
         up = (failed.by_weight / 3.0 + 0.5 * (1.0 - failed.by_weight)) * height / tall
         arm = (tip[0] + up * (top[0] - tip[0]), tip[1] + up * (top[1] - tip[1]))
         way = (moved[0] - moved[2] * arm[1], moved[1] + moved[2] * arm[0])
-        aside = felt.aside_m(f"{where}: tools.{tool.name}", face, arm, way)
+        aside = accumulated.aside_m(f"{where}: tools.{tool.name}", face, arm, way)
         delta = strength.tool_friction  # as it acts across the edge
         if aside != 0.0:
             for _ in range(ROUNDS):
@@ -233,14 +235,14 @@ class WedgeEngine:
         normal = self._press(index, number, face, rake, failed, delta, way, sizes)
         mobilised = normal / (failed.force * math.cos(delta)) if failed.force > 0.0 else 0.0
         if face.is_share and self._values.tip_m > 0.0 and failed.force > 0.0:
-            self._bear_tip(face, strength, depth, mobilised, tip, moved, felt)
+            self._bear_tip(face, strength, depth, mobilised, tip, moved, accumulated)
         part = 1.0 if face.is_share else self._values.shank_fraction
         adhesion = part * strength.adhesion * height * face.width_m / math.sin(rake)
         strong = normal * math.tan(strength.tool_friction) + adhesion * min(mobilised, 1.0)
         slip, slow = slip_m(rake, failed.beta, way), SLOWEST_M_PER_S * self._interval_s
         on_face, edge = on_plate(rake, normal, strong, way, slip, aside, slow)
-        felt.add(face.group, on_face, arm, edge)
-        felt.count += normal > 0.0
+        accumulated.add(face.group, on_face, arm, edge)
+        accumulated.count += normal > 0.0
         middle = depth - 0.5 * height
         pressure = (1.0 - math.sin(strength.friction)) * (strength.unit_weight * middle + strength.surcharge)
         side = strength.adhesion + pressure * math.tan(strength.tool_friction)
@@ -249,7 +251,7 @@ class WedgeEngine:
         centre = (tip[0] + half * (top[0] - tip[0]), tip[1] + half * (top[1] - tip[1]))
         slid = (moved[0] - moved[2] * centre[1], moved[1] + moved[2] * centre[0])
         scale = -side / (math.hypot(*slid) + SLOWEST_M_PER_S * self._interval_s)
-        felt.add(face.group, (scale * slid[0], scale * slid[1]), centre)
+        accumulated.add(face.group, (scale * slid[0], scale * slid[1]), centre)
 
     def _fails(self, face: CuttingFace, plate: Plate, strength: Strength, speed: float) -> Failure:
         """`failure` of a share, or of a shank in the soil that the share has broken."""
@@ -261,7 +263,7 @@ class WedgeEngine:
 
     def _bear_tip(
         self, face: CuttingFace, strength: Strength, depth: float, mobilised: float,
-        tip: tuple[float, float], moved: tuple[float, float, float], felt: Felt,
+        tip: tuple[float, float], moved: tuple[float, float, float], accumulated: AccumulatedLoad,
     ) -> None:  # fmt: skip
         """Add the force on a blunt tip: the soil's bearing pressure on its height, as much up as back."""
         pressure, _ = bearing_pressure(strength, depth)
@@ -269,7 +271,7 @@ class WedgeEngine:
         if into > 0.0:
             force = mobilised * pressure * face.width_m * self._values.tip_m
             force *= into / (into + SLOWEST_M_PER_S * self._interval_s)
-            felt.add(face.group, (-force, force), tip)
+            accumulated.add(face.group, (-force, force), tip)
 
     def _press(
         self, index: int, number: int, face: CuttingFace, rake: float, failed: Failure, delta: float,
@@ -339,7 +341,7 @@ class WedgeEngine:
 
     def _roll(
         self, wheel: WheelFace, memory: ToolMemory, motion: ToolMotion, moved: tuple[float, float, float],
-        felt: Felt,
+        accumulated: AccumulatedLoad,
     ) -> None:  # fmt: skip
         """Add load, resistance and grip of one wheel."""
         sinkage = wheel.radius_m - motion.z_m
@@ -367,9 +369,9 @@ class WedgeEngine:
         grip += steep * slid
         most = grip_newton(wheel, top, upward, sinkage, 1e3)
         grip = min(max(grip, -most), most)
-        felt.add(0, (-backward, upward), (0.0, 0.0))
-        felt.add(0, (-grip, 0.0), (0.0, -wheel.radius_m))
-        felt.count += 1
+        accumulated.add(0, (-backward, upward), (0.0, 0.0))
+        accumulated.add(0, (-grip, 0.0), (0.0, -wheel.radius_m))
+        accumulated.count += 1
 
     def _refuse_beyond(self, where: str, tool: str, depth_m: float, speed_m_per_s: float) -> None:
         assert self._range is not None

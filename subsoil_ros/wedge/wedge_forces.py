@@ -35,7 +35,7 @@ Pair = tuple[float, float]
 
 
 @dataclass
-class Felt:
+class AccumulatedLoad:
     """Sums of the forces in one tick on a tool in the plane of travel."""
 
     groups: list[list[float]]  # force x, z of each group
@@ -73,7 +73,7 @@ class Felt:
 
 
 @dataclass
-class FeltInSpace(Felt):
+class AccumulatedInSpace(AccumulatedLoad):
     """Sums in the axes of a tool in space: x level and across its edge, y along it, z up."""
 
     axes: LevelAxes = field(kw_only=True)
@@ -86,16 +86,16 @@ class FeltInSpace(Felt):
     @classmethod
     def of(
         cls, groups: int, before: tuple[Vector, Quaternion], motion: SpatialMotion, interval_s: float
-    ) -> tuple["FeltInSpace", ToolMotion, tuple[float, float, float]]:
+    ) -> tuple["AccumulatedInSpace", ToolMotion, tuple[float, float, float]]:
         """Return the sums, and the motion in the plane across the edge: pose and displacement (x, z, phi)."""
         axes, (x, y, z), then = level_axes(motion.quaternion), motion.position_m, before[0]
         way = axes.of((x - then[0], y - then[1], z - then[2]))
         turn = axes.of(rotation_between(before[1], motion.quaternion))
         planar = ToolMotion(motion.tool, motion.x_m, motion.y_m, motion.z_m, axes.pitch_rad, 0.0, 0.0, 0.0)
-        felt = cls(
+        accumulated = cls(
             [[0.0, 0.0, 0.0] for _ in range(groups)], axes=axes, way=way, turn=turn, interval_s=interval_s
         )
-        return felt, planar, (way[0], way[2], -turn[1])
+        return accumulated, planar, (way[0], way[2], -turn[1])
 
     def add(self, group: int, force: Pair, arm: Pair, aside: float = 0.0) -> None:
         """Add a force [N] with its part along the edge."""

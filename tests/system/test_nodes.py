@@ -264,7 +264,7 @@ class GatedSoil(SpringSoil):
         return super().advance(tick, motions)
 
 
-def status_with_foreign_publisher(
+def status_with_unknown_publisher(
     resolved: ResolvedScene, bag: Path, listener: Node, topic: str, message: Any
 ) -> ExitStatus:
     """How a run ends whose soil stands at tick 3 while a foreign node publishes on a lockstep topic."""
@@ -345,7 +345,7 @@ def test_a_foreign_message_ends_the_run_by_name(
     """A foreign node publishes motions of another run on our topic: refused, named, exit 3."""
     message = ToolMotionsMessage(run_id="other", tick=4)
     message.header.stamp.nanosec = 5 * resolved.timing.communication_step_ns
-    status = status_with_foreign_publisher(resolved, tmp_path / "bag", listener, "tool_motions", message)
+    status = status_with_unknown_publisher(resolved, tmp_path / "bag", listener, "tool_motions", message)
     assert status.code == 3
     assert "tool_motions: " in status.reason
     assert "ROS_DOMAIN_ID of its own" in status.reason

@@ -12,7 +12,7 @@ from ...api.simulate import needed_controller
 from ...coupling.exit_status import caught_signals
 from ...coupling.external import refuse_unlike
 from ...coupling.observer import RunObserver, RunWatch
-from ...coupling.protocol import COUPLER, nodes_from_outside
+from ...coupling.protocol import COUPLER, external_nodes
 from ...coupling.run_options import OPTIONS
 from ...coupling.run_settings import RunSettings
 from ...errors import InputError
@@ -104,7 +104,7 @@ def _say_where_nodes_are(run: RunSettings, domain: int, namespace: str) -> None:
     """Print where other programs find the nodes, and which nodes must be started by the user."""
     place = f", namespace {namespace}" if namespace else ""
     say(f"nodes in ROS_DOMAIN_ID={domain}{place}")
-    for node, key in nodes_from_outside(run.resolved.scene).items():
+    for node, key in external_nodes(run.resolved.scene).items():
         print(
             f"waiting for a node '{node}' of run '{run.run_id}' in ROS_DOMAIN_ID={domain}{place} ({key})",
             flush=True,

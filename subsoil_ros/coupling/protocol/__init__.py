@@ -2,7 +2,7 @@
 
 The coupler grants ticks ahead within a window, motion and soil exchange messages tick by tick, a controller
 commands a driver at control ticks, and the recorder acknowledges ticks that it has written. In any order of
-messages each tick happens exactly once: a message that is missing, repeated, foreign or malformed is a
+messages each tick happens exactly once: a message that is missing, repeated, of another run or malformed is a
 ProtocolError. The last tick is granted with END. ABORT names the last tick of the record. A paused run stands
 at the end of a tick, until it is resumed or steps.
 """
@@ -17,8 +17,8 @@ from .handshake import (
     MECHANISM,
     RECORDER,
     SOIL,
+    external_nodes,
     needed_capabilities,
-    nodes_from_outside,
     participants,
 )
 from .participant import AnswerStream, Commander, Needs, Participant, Stream, Work
@@ -42,7 +42,7 @@ __all__ = [
     "RecordBarrier",
     "Stream",
     "Work",
+    "external_nodes",
     "needed_capabilities",
-    "nodes_from_outside",
     "participants",
 ]

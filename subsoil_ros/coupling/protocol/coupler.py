@@ -173,7 +173,7 @@ class Coupler:
         """
         if node_status.node not in self._names:
             return
-        self._statuses.refuse_foreign(node_status.run_id, node_status.tick)
+        self._statuses.refuse_other_run(node_status.run_id, node_status.tick)
         known = self._process_ids.setdefault(node_status.node, node_status.process_id)
         if known != node_status.process_id:
             raise ProtocolError(
@@ -263,7 +263,7 @@ class Coupler:
 
     def accept_ack(self, ack: TickAck) -> None:
         """Accept the recorder's acknowledgement that everything up to a tick is written."""
-        self._acks.refuse_foreign(ack.run_id, ack.tick)
+        self._acks.refuse_other_run(ack.run_id, ack.tick)
         self._refuse_ungranted("tick_ack", ack.tick)
         if ack.tick <= self.acknowledged_tick:
             raise ProtocolError(f"tick_ack: tick {ack.tick} came after tick {self.acknowledged_tick}")

@@ -33,7 +33,7 @@ def participants(scene: Scene) -> tuple[str, ...]:
     return tuple(names)
 
 
-def nodes_from_outside(scene: Scene) -> dict[str, str]:
+def external_nodes(scene: Scene) -> dict[str, str]:
     """Nodes of a run that other programs provide, with the scene key that makes them external."""
     found = {}
     if scene.external_machine:
@@ -58,13 +58,13 @@ CONTACT_LAW = "contact_law"
 """Capability: a contact law of another package, "contact_law KIND DIGEST" with the digest of its sources."""
 
 
-def _outside_law(kind: str) -> str | None:
+def _installed_law(kind: str) -> str | None:
     """The capability of a law's kind as installed here; None if it is a law of this package."""
     digest = law_digests().get(kind)
     return None if digest is None else f"{CONTACT_LAW} {kind} {digest[:16]}"
 
 
-_LAWS = tuple(filter(None, map(_outside_law, contact_laws())))
+_LAWS = tuple(filter(None, map(_installed_law, contact_laws())))
 
 CAPABILITIES: Mapping[str, tuple[str, ...]] = {
     MECHANISM: (DRIVER_COMMAND, EARLY_END),
@@ -84,7 +84,7 @@ def needed_capabilities(scene: Scene) -> dict[str, dict[str, str]]:
 
     if scene.soil is not None and scene.coupling.force == "tick_mean":
         add(TICK_MEAN, "coupling.force: tick_mean", SOIL)
-    if scene.particle_soil is not None and (law := _outside_law(scene.particle_soil.law.kind)):
+    if scene.particle_soil is not None and (law := _installed_law(scene.particle_soil.law.kind)):
         add(law, f"soil.law.kind: {scene.particle_soil.law.kind}", SOIL)
     if scene.controller is not None:
         add(DRIVER_COMMAND, "controller", MECHANISM, RECORDER)

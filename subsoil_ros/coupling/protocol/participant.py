@@ -46,7 +46,7 @@ class Stream:
         Raises:
             ProtocolError: it is of another run, or not of the expected tick.
         """
-        self.refuse_foreign(run_id, tick)
+        self.refuse_other_run(run_id, tick)
         if tick != self.next_tick:
             what = (
                 "repeated" if tick < self.next_tick else f"{(tick - self.next_tick) // self._every} missing"
@@ -60,7 +60,7 @@ class Stream:
             )
         self.next_tick += self._every
 
-    def refuse_foreign(self, run_id: str, tick: int) -> None:
+    def refuse_other_run(self, run_id: str, tick: int) -> None:
         """Raises ProtocolError if a message of `tick` is of another run."""
         if run_id != self._run_id:
             raise ProtocolError(
@@ -181,7 +181,7 @@ class Participant:
     def accept_grant(self, grant: Grant) -> None:
         """Accept a grant. ABORT may come at any time; no tick is returned after it."""
         if grant.command is Command.ABORT:
-            self._grants.refuse_foreign(grant.run_id, grant.tick)
+            self._grants.refuse_other_run(grant.run_id, grant.tick)
             self.abort = self.abort or grant
             return
         if self._ended and grant.tick > self.last_tick:
@@ -206,7 +206,7 @@ class Participant:
         Raises:
             ProtocolError: it has not, or a later tick is granted.
         """
-        self._grants.refuse_foreign(grant.run_id, grant.tick)
+        self._grants.refuse_other_run(grant.run_id, grant.tick)
         if self._at_work or grant.tick != self.done_tick or self._grants.next_tick != grant.tick + 1:
             raise ProtocolError(
                 f"grant: CHECKPOINT came for tick {grant.tick}, done is tick {self.done_tick}, granted tick "
@@ -289,7 +289,7 @@ class Commander:
         schedule = self._schedule
         beside = state.tick in (INITIAL_TICK, schedule.last_tick)  # before the run, or at its end
         if beside and state.tick != self._states.next_tick:
-            self._states.refuse_foreign(state.run_id, state.tick)
+            self._states.refuse_other_run(state.run_id, state.tick)
             return None
         self._states.accept(state.run_id, state.tick)
         tick = state.tick + 1

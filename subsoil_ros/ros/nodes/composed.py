@@ -10,7 +10,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from ...coupling.exit_status import ExitStatus, interrupted
 from ...coupling.observer import RunObserver
-from ...coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, SOIL, nodes_from_outside
+from ...coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, SOIL, external_nodes
 from ...coupling.run_settings import RunSettings
 from ..process.heartbeat import Heartbeat
 from ..process.node_plan import ros_arguments
@@ -34,7 +34,7 @@ def scene_builds(run: RunSettings, observer: RunObserver | None = None) -> dict[
         COUPLER: partial(coupler_node.CouplerNode, observer=observer),
         CONTROLLER: controller_node.build,
     }
-    left_out = nodes_from_outside(run.resolved.scene)
+    left_out = external_nodes(run.resolved.scene)
     return {name: builds[name] for name in (*run.participants, COUPLER) if name not in left_out}
 
 

@@ -24,7 +24,7 @@ from ...recording.topics import TOPIC_OF
 from ..process.heartbeat import Heartbeat
 from ..process.node_process import OWN_TIME, log_end, one_line, say_trace
 from ..transport.private_rclpy import serve, serve_requests
-from ..transport.publishers import foreign_publishers
+from ..transport.publishers import unknown_publishers
 from ..transport.qos import class_of, qos_of
 from .diagnostics import Diagnostics, Health, Level
 
@@ -122,7 +122,7 @@ class LockstepNode(Node):
                 due += 1
                 handle(cdr)
             except ProtocolError:
-                self._refuse_foreign_publishers(subscription, partners)  # raises an error that names them
+                self._refuse_unknown_publishers(subscription, partners)  # raises an error that names them
                 raise
 
         subscription = self.create_subscription(
@@ -226,7 +226,7 @@ class LockstepNode(Node):
         if isinstance(endpoint, Subscription):
             return set(names) if endpoint.get_publisher_count() < len(names) else set()
         listeners = self.get_subscriptions_info_by_topic(endpoint.topic_name)
-        # a foreign node may listen too; one with durability transient_local is never matched
+        # an unknown node may listen too; one with durability transient_local is never matched
         can_match = [
             item.node_name for item in listeners if item.qos_profile.durability == DurabilityPolicy.VOLATILE
         ]
@@ -266,9 +266,9 @@ class LockstepNode(Node):
             if not isinstance(endpoint, Subscription) or endpoint.topic_name.endswith(TOPIC_OF[NodeStatus]):
                 continue  # every node publishes its status
             if endpoint.get_publisher_count() > len(names):
-                self._refuse_foreign_publishers(endpoint, names)
+                self._refuse_unknown_publishers(endpoint, names)
 
-    def _refuse_foreign_publishers(self, subscription: Subscription, names: tuple[str, ...]) -> None:
+    def _refuse_unknown_publishers(self, subscription: Subscription, names: tuple[str, ...]) -> None:
         """Raises ProtocolError that names the publishers of a topic which are not of the run, if any are."""
         topic = subscription.topic_name
         if topic.endswith(TOPIC_OF[NodeStatus]):
@@ -277,7 +277,7 @@ class LockstepNode(Node):
             allowed = {*names, *run}  # a controller in another language may be one node
         else:
             allowed = set(names)
-        found = foreign_publishers(self, topic, allowed.__contains__, subscription.get_publisher_count())
+        found = unknown_publishers(self, topic, allowed.__contains__, subscription.get_publisher_count())
         if found:
             raise ProtocolError(
                 f"{topic.lstrip('/')}: {found} publishes on it; in a run only {', '.join(names)} may. Give "

@@ -32,7 +32,7 @@ from .visualization_publisher import VisualizationPublisher
 class MechanismNode(LockstepNode):
     """Publishes the motions of every granted tick; has no clock and no physics of its own.
 
-    The engine is the scene's mechanism, or a machine from outside, which has no state to publish.
+    The engine is the scene's mechanism, or an external machine, which has no state to publish.
     """
 
     def __init__(

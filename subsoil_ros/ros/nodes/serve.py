@@ -18,7 +18,13 @@ from ...api.run_frame import run_id_of
 from ...coupling.checkpoints import restore_engine
 from ...coupling.engines import PATHS, build_paths
 from ...coupling.exit_status import ExitStatus, caught_signals, interrupted
-from ...coupling.external import Machine, OutsideMachine, OutsideSoil, OutsideSoilEngine, refuse_unlike
+from ...coupling.external import (
+    ExternalMachineEngine,
+    ExternalSoil,
+    ExternalSoilEngine,
+    Machine,
+    refuse_unlike,
+)
 from ...coupling.protocol import MECHANISM, SOIL
 from ...coupling.run_settings import RunSettings
 from ...coupling.time_limits import KEEP_S, LAST_WORD_S, LATE_S, RETURN_S
@@ -38,7 +44,7 @@ def serve(
     scene: SceneLike | ResolvedScene,
     machine: Machine | None = None,
     *,
-    soil: OutsideSoil | None = None,
+    soil: ExternalSoil | None = None,
     overrides: Mapping[str, object] | None = None,
     run_id: str | None = None,
     checkpoints: str | PathLike[str] | None = None,
@@ -68,7 +74,7 @@ def serve(
     if (machine is None) == (soil is None):
         raise InputError("serve: give a machine or a soil, one of them")
     refuse_unlike(resolved, machine, soil, alone=False)
-    engine = OutsideMachine(resolved, machine) if soil is None else OutsideSoilEngine(resolved, soil)
+    engine = ExternalMachineEngine(resolved, machine) if soil is None else ExternalSoilEngine(resolved, soil)
     if resolved.scene.record.checkpoint_s > 0.0 and checkpoints is None:
         raise InputError(
             f"serve: the scene writes checkpoints every {resolved.scene.record.checkpoint_s:g} s; give "
@@ -87,8 +93,10 @@ def serve(
         raise status.error()
 
 
-def _serve(run: RunSettings, engine: OutsideMachine | OutsideSoilEngine, namespace: str) -> ExitStatus:
-    name = MECHANISM if isinstance(engine, OutsideMachine) else SOIL
+def _serve(
+    run: RunSettings, engine: ExternalMachineEngine | ExternalSoilEngine, namespace: str
+) -> ExitStatus:
+    name = MECHANISM if isinstance(engine, ExternalMachineEngine) else SOIL
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     notice = avoid_full_memory()
     if notice:
@@ -119,13 +127,16 @@ def _serve(run: RunSettings, engine: OutsideMachine | OutsideSoilEngine, namespa
 
 
 def _node(
-    engine: OutsideMachine | OutsideSoilEngine, run: RunSettings, heartbeat: Heartbeat, context: Context
+    engine: ExternalMachineEngine | ExternalSoilEngine,
+    run: RunSettings,
+    heartbeat: Heartbeat,
+    context: Context,
 ) -> LockstepNode:
     """Build the node, with its engine in the state of the checkpoint to continue from."""
-    name = MECHANISM if isinstance(engine, OutsideMachine) else SOIL
+    name = MECHANISM if isinstance(engine, ExternalMachineEngine) else SOIL
     if run.resumed is not None:
         restore_engine(engine, run.resumed, name)
-    if isinstance(engine, OutsideMachine):
+    if isinstance(engine, ExternalMachineEngine):
         return MechanismNode(engine, run, heartbeat, context)
     paths = None if run.resolved.scene.moved_by_participant else build_paths(run.resolved)
     if paths is not None and run.resumed is not None:

@@ -174,7 +174,7 @@ class SoilNode(LockstepNode):
             self._wrenches.publish(self.bytes_of(ToolWrenches(self.run.run_id, tick, end_ns, wrenches)))
             if schedule.series_due(tick):
                 self._publish_state(tick)
-                self._publish_for_people(motions, wrenches, end_ns)
+                self._publish_standard_messages(motions, wrenches, end_ns)
             if self._clouds is not None and self._particles is not None and schedule.cloud_due(tick):
                 cloud = recorded_cloud(self._particles.cloud(tick, end_ns), self.run.resolved.scene.record)
                 self._clouds.publish(self.bytes_of(cloud))
@@ -199,7 +199,7 @@ class SoilNode(LockstepNode):
             for part, engine in self._parts():
                 self._checkpoint_writer.keep(tick, part, engine)
 
-    def _publish_for_people(
+    def _publish_standard_messages(
         self, motions: tuple[ToolMotion, ...], wrenches: tuple[ToolWrench, ...], end_ns: int
     ) -> None:
         if self._visualization is not None:

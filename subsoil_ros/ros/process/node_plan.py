@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...coupling.protocol import COUPLER, RECORDER, nodes_from_outside
+from ...coupling.protocol import COUPLER, RECORDER, external_nodes
 from ...coupling.run_options import OPTIONS
 from ...coupling.run_settings import RunSettings
 from ...errors import InputError
@@ -37,7 +37,7 @@ class NodeStart:
 
 
 def nodes_of(run: RunSettings, scene: Path) -> tuple[NodeStart, ...]:
-    """The nodes of a run to start, the coupler last; other programs provide the rest (nodes_from_outside).
+    """The nodes of a run to start, the coupler last; other programs provide the rest (external_nodes).
 
     scene: the scene file as run.
     """
@@ -52,7 +52,7 @@ def nodes_of(run: RunSettings, scene: Path) -> tuple[NodeStart, ...]:
     own: dict[str, Parameters] = {RECORDER: {"bag": _resolved(run.bag), "live": run.live_port}}
     for option, found in OPTIONS.items():
         own[found.node] = {**own.get(found.node, {}), option: getattr(run, option)}
-    left_out = nodes_from_outside(run.resolved.scene)
+    left_out = external_nodes(run.resolved.scene)
     names = [name for name in run.participants if name not in left_out]
     return tuple(NodeStart(name, {**common, **own.get(name, {})}) for name in (*names, COUPLER))
 

@@ -18,7 +18,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from ...coupling.exit_status import SIGNAL_STATUS, ExitStatus, caught_signals, interrupted
-from ...coupling.protocol import COUPLER, RECORDER, nodes_from_outside
+from ...coupling.protocol import COUPLER, RECORDER, external_nodes
 from ...coupling.run_settings import RunSettings
 from ...coupling.time_limits import CLOSE_S, KEEP_S, LAST_WORD_S, LATE_S, RETURN_S, STARTUP_GRACE_S
 from ...errors import InputError, RunError, SubsoilError
@@ -196,7 +196,7 @@ def _serve(
         if not supervised:
             heartbeat.outlast(LATE_S)
         elif heartbeat.tick == INITIAL_TICK:  # the supervisor stops the nodes that it started, no others
-            heartbeat.outlast(STARTUP_GRACE_S - CLOSE_S, nodes_from_outside(heartbeat.run.resolved.scene))
+            heartbeat.outlast(STARTUP_GRACE_S - CLOSE_S, external_nodes(heartbeat.run.resolved.scene))
     leave_in_time(name, status.code, CLOSE_S)
     service.close()
     heartbeat.close()

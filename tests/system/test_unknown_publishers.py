@@ -36,7 +36,7 @@ from tests.system.test_nodes import (  # noqa: F401  fixtures
     listener,
     resolved,
     run_nodes,
-    status_with_foreign_publisher,
+    status_with_unknown_publisher,
 )
 from tests.system.test_pause import start
 
@@ -57,7 +57,7 @@ def too_many_tools(message: ToolWrenchesMessage) -> None:
 
 
 @pytest.mark.parametrize("spoil", [wrong_tick, not_a_number, too_many_tools])
-def test_a_foreign_publisher_is_refused_by_name(
+def test_an_unknown_publisher_is_refused_by_name(
     resolved: ResolvedScene,  # noqa: F811
     tmp_path: Path,
     listener: Node,  # noqa: F811
@@ -71,7 +71,7 @@ def test_a_foreign_publisher_is_refused_by_name(
     message = ToolWrenchesMessage(run_id="test", tick=3, tools=[ToolWrenchMessage(tool=tool)])
     message.header.stamp.nanosec = 4 * resolved.timing.communication_step_ns
     spoil(message)
-    status = status_with_foreign_publisher(resolved, tmp_path / "bag", listener, "tool_wrenches", message)
+    status = status_with_unknown_publisher(resolved, tmp_path / "bag", listener, "tool_wrenches", message)
     assert status.code == 3
     expected = "tool_wrenches: node '/stranger' on this machine publishes on it; in a run only soil may"
     assert expected in status.reason

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..analysis.series import Series, read_series, read_series_csv
 from ..analysis.summarize import summarize
@@ -17,6 +17,7 @@ from ..errors import InputError
 from ..loading.loader import ResolvedScene, load_scene
 from ..recording.bag_reader import mcap_path, read_scene
 from ..recording.joined import recover_earlier
+from ..yaml_document import Document
 from .resume import checkpoint_facts
 
 if TYPE_CHECKING:
@@ -91,7 +92,7 @@ class Run:
     """
 
     scene: ResolvedScene
-    summary: dict[str, Any]
+    summary: Document
     folder: Path | None
     _recorded: Series | None
 
@@ -165,7 +166,7 @@ def _series(recorded: RecordedRun) -> Series:
     return read_series(recorded.bag, recorded.resolved.scene)
 
 
-def _summary(path: Path) -> dict[str, Any] | None:
+def _summary(path: Path) -> Document | None:
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:

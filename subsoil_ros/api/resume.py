@@ -1,7 +1,6 @@
 """Checkpoints in the folder of a run: find them, name them, resume from them."""
 
 from pathlib import Path
-from typing import Any
 
 from ..errors import InputError, RecordingError, SubsoilError
 from ..loading.loader import ResolvedScene
@@ -11,6 +10,7 @@ from ..recording.joined import Resumption
 from ..recording.recovery import last_time_ns
 from ..scene.controller import External
 from ..ticks import tick_end_ns
+from ..yaml_document import Document
 
 CHECKPOINTS = "checkpoints"
 """Folder of the checkpoints in the folder of a run."""
@@ -58,9 +58,9 @@ def note_resumption(checkpoint: Checkpoint, earlier: Path, resolved: ResolvedSce
     ).write(out)
 
 
-def checkpoint_facts(out: Path, resumed: Checkpoint | None) -> dict[str, Any]:
+def checkpoint_facts(out: Path, resumed: Checkpoint | None) -> Document:
     """Entries of a summary about checkpoints and the state at the end of the run."""
-    facts: dict[str, Any] = {}
+    facts: Document = {}
     if resumed is not None:
         facts["resumed_from"] = {
             "checkpoint": str(resumed.path),

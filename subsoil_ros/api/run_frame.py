@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..analysis.series import read_series, write_series_csv
 from ..analysis.summarize import summarize, summarize_unrecorded
@@ -21,6 +21,7 @@ from ..limits.stable_steps import Timing
 from ..loading.loader import ResolvedScene
 from ..recording.joined import recover_earlier
 from ..recording.recovery import recover
+from ..yaml_document import Document
 from .check_scene import run_notes
 from .resume import CHECKPOINTS, checkpoint_facts, find_checkpoint, name_checkpoint, note_resumption
 from .simulate import simulate
@@ -39,7 +40,7 @@ Working = Callable[[str], AbstractContextManager[object]]
 def write_results(
     resolved: ResolvedScene,
     out: Path,
-    run_info: dict[str, Any],
+    run_info: Document,
     failure: SubsoilError | None = None,
     *,
     reading: Reading = lambda timing: nullcontext(lambda time_ns: None),

@@ -1,13 +1,11 @@
 """The engines of a scene: the motion source, which moves the tools, and the soil."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, cast, runtime_checkable
-
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Protocol, cast, runtime_checkable
 
 from ..loading.loader import ResolvedScene
 from ..messages import DriverCommand, MechanismState, SoilCloud, SoilState, ToolMotion, ToolWrench
+from ..recording.checkpoint import Arrays
 from ..scene.model import Scene
 from .external import ExternalMachineEngine, ExternalSoil, ExternalSoilEngine, Machine
 from .protocol import MECHANISM, SOIL
@@ -27,11 +25,11 @@ class Resumable(Protocol):
         """Whether it does; without, a run has no checkpoints."""
         ...
 
-    def state_arrays(self) -> dict[str, NDArray[Any]]:
+    def state_arrays(self) -> Arrays:
         """All that later ticks depend on, by name; not copied, so to be used before the next tick."""
         ...
 
-    def restore(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+    def restore(self, arrays: Arrays) -> None:
         """Restore such a state, in place of the start, in an engine just built. It may keep the arrays.
 
         Raises:

@@ -2,15 +2,14 @@
 
 import math
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields
 from typing import Any, Protocol, TypeVar
-
-from numpy.typing import NDArray
 
 from ..errors import InputError, RunError
 from ..loading.loader import ResolvedScene
 from ..messages import FacetGroupForce, SpatialMotion, ToolMotion, ToolWrench
+from ..recording.checkpoint import Arrays
 from ..rotations import rotation_between
 from ..scene.tools import Tool
 
@@ -67,7 +66,7 @@ class _ExternalParticipant:
     """Calls the methods of another program's object, and checks the results."""
 
     def __init__(
-        self, resolved: ResolvedScene, word: str, participant: Any, methods: tuple[str, ...]
+        self, resolved: ResolvedScene, word: str, participant: object, methods: tuple[str, ...]
     ) -> None:
         if participant is None:
             raise _missing(resolved, word)
@@ -88,11 +87,11 @@ class _ExternalParticipant:
                 "need; add both, or set record.checkpoint_s: 0"
             )
 
-    def state_arrays(self) -> dict[str, NDArray[Any]]:
+    def state_arrays(self) -> Arrays:
         """All that later ticks depend on; empty for an object that keeps no state."""
         return dict(self._call("state_arrays", RunError)) if self.keeps_state else {}
 
-    def restore(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+    def restore(self, arrays: Arrays) -> None:
         """Restore a state that `state_arrays` returned.
 
         Raises:
@@ -105,7 +104,7 @@ class _ExternalParticipant:
             )
         self._call("restore", InputError, arrays)
 
-    def _call(self, name: str, kind: type[InputError] | type[RunError], *arguments: Any) -> Any:
+    def _call(self, name: str, kind: type[InputError] | type[RunError], *arguments: object) -> Any:
         """Result of a method. Raises `kind`, with the place in the code, if the method raises any error."""
         method: Callable[..., Any] = getattr(self._participant, name)
         try:
@@ -118,7 +117,7 @@ class _ExternalParticipant:
                 f"({last.filename}, line {last.lineno})"
             ) from error
 
-    def _at(self, name: str, arguments: tuple[Any, ...] = ()) -> str:
+    def _at(self, name: str, arguments: tuple[object, ...] = ()) -> str:
         tick = f" of tick {arguments[0]}" if name == "advance" else ""
         return f"{self._word}: {name}{tick}"
 
@@ -127,7 +126,7 @@ class _ExternalParticipant:
         name: str,
         kind: type[InputError] | type[RunError],
         answer: Callable[[Tool], type[Answer]],
-        *arguments: Any,
+        *arguments: object,
     ) -> tuple[Answer, ...]:
         """Records that a method returns: one a tool, of the right kind, finite. Raises `kind` if not."""
         given, place = self._call(name, kind, *arguments), self._at(name, arguments)
@@ -265,7 +264,7 @@ def _wrench_kind(tool: Tool) -> type[ToolWrench]:
     return ToolWrench
 
 
-def _not_finite(record: Any) -> Any:
+def _not_finite(record: ToolMotion | ToolWrench | FacetGroupForce) -> Iterator[str]:
     """Yield, in words, each field of a record that must be a finite number and is not."""
     for item in fields(record):
         value = getattr(record, item.name)

@@ -2,11 +2,12 @@
 
 from collections import deque
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Protocol
 
 from ..errors import InputError
 from ..messages import CouplingReport, ToolMotion, ToolWrench
 from ..ticks import INITIAL_TICK
+from ..yaml_document import Document
 from .checkpoints import CheckpointWriter, CouplingState, StopState
 from .energy_account import account_of
 from .observer import RunObserver
@@ -26,7 +27,7 @@ class StopRule(Protocol):
         """Decide from the ticks added whether the run ends with the next tick."""
         ...
 
-    def result(self) -> dict[str, Any]:
+    def result(self) -> Document:
         """Present result for the mean, in the form of `run.stop_when` of summary.json."""
         ...
 

@@ -12,6 +12,7 @@ from ..messages import (
     CouplingReport,
     Grant,
     MechanismState,
+    RunRecord,
     SoilCloud,
     SoilState,
     ToolMotions,
@@ -39,7 +40,7 @@ from .topics import (
     qos_profile,
     recorded_topics,
 )
-from .types import deserialize, message_type, schema_text, serialize, type_hash
+from .types import Message, deserialize, message_type, schema_text, serialize, type_hash
 
 _RANK = {topic: rank for rank, topic in enumerate(RECORD_OF)}
 _NEEDED_FOR_VISUALIZATION = {TOPIC_OF[kind] for kind in (ToolMotions, ToolWrenches, MechanismState)}
@@ -72,7 +73,7 @@ class BagWriter:
         directory: Path,
         scene: Scene,
         timing: Timing,
-        latched: Mapping[str, Any] | None = None,
+        latched: Mapping[str, Message] | None = None,
         live_port: int = 0,
         bundle: SceneBundle | None = None,
     ) -> None:
@@ -108,7 +109,7 @@ class BagWriter:
                 self._live.close()
             raise
 
-    def write(self, record: Any) -> None:
+    def write(self, record: RunRecord) -> None:
         """Write any record of messages.py.
 
         Raises:
@@ -213,7 +214,7 @@ class BagWriter:
             message = transforms(self._scene, state, motions, time_ns)
             self._emit_message(TRANSFORMS, time_ns, message)
 
-    def _emit_message(self, topic: str, time_ns: int, message: Any) -> None:
+    def _emit_message(self, topic: str, time_ns: int, message: Message) -> None:
         self._emit(topic, time_ns, serialize(message))
 
     def _emit(self, topic: str, time_ns: int, data: bytes) -> None:

@@ -13,7 +13,7 @@ from ..scene.cloud import SPEED_BITS, position_step_m
 from ..scene.model import Record
 from ..scene.soil import Soil
 from .standard_messages import header, time_ns_of
-from .types import message_class
+from .types import Message, message_class
 
 POINT_FIELDS = ("x", "y", "z", "speed")
 _MORE = {
@@ -27,15 +27,21 @@ _MORE = {
 _WHOLE = ("identity", "material")
 """The fields that are uint32."""
 
+Values = dict[str, Any]
+"""Arrays of a cloud by name, one number of each particle; None: the cloud has none."""
+
+Positions = NDArray[np.floating]
+"""World positions (n, 3) [m]."""
+
 _FLOAT32, _UINT32 = 7, 6  # sensor_msgs/PointField
 
 
-def point_cloud(cloud: SoilCloud) -> Any:
+def point_cloud(cloud: SoilCloud) -> Message:
     """sensor_msgs/PointCloud2 of the particles: x, y, z [m] and speed [m/s], float32, little-endian. With a
     window also their identity, uint32; with bonds, the part of the bonds that broke; with several sizes,
     their radius [m]; with layers, their material, uint32."""
     positions = np.asarray(cloud.positions_m)
-    more: dict[str, Any] = {name: getattr(cloud, key) for name, key in _MORE.items()}
+    more: Values = {name: getattr(cloud, key) for name, key in _MORE.items()}
     names = (*POINT_FIELDS, *(name for name, values in more.items() if values is not None))
     points = np.empty((len(positions), len(names)), dtype="<f4")
     points[:, :3] = positions
@@ -45,7 +51,9 @@ def point_cloud(cloud: SoilCloud) -> Any:
     return points_message(cloud.end_time_ns, points[None], names, is_dense=True)
 
 
-def points_message(time_ns: int, points: NDArray[Any], names: Sequence[str], *, is_dense: bool) -> Any:
+def points_message(
+    time_ns: int, points: NDArray[np.float32], names: Sequence[str], *, is_dense: bool
+) -> Message:
     """sensor_msgs/PointCloud2 of points (rows, columns, fields) with named fields, little-endian: float32,
     and uint32 of _WHOLE.
 
@@ -70,7 +78,7 @@ def points_message(time_ns: int, points: NDArray[Any], names: Sequence[str], *, 
     )
 
 
-def cloud_from_message(message: Any, communication_step_ns: int) -> SoilCloud:
+def cloud_from_message(message: Message, communication_step_ns: int) -> SoilCloud:
     """The SoilCloud of a PointCloud2 made by `point_cloud`."""
     words = message.point_step // 4
     points = np.frombuffer(memoryview(message.data), dtype="<f4").reshape(-1, words)
@@ -94,7 +102,7 @@ def recorded_cloud(cloud: SoilCloud, record: Record) -> SoilCloud:
         return cloud
     positions = np.asarray(cloud.positions_m, dtype=np.float32)
     speeds = np.asarray(cloud.speeds_m_per_s, dtype=np.float32)
-    more: dict[str, Any] = {name: getattr(cloud, name) for name in _MORE.values()}
+    more: Values = {name: getattr(cloud, name) for name in _MORE.values()}
     if record.cloud_region is not None:
         inside = np.ones(len(positions), dtype=bool)
         for axis, span in enumerate(record.cloud_region.spans_m):
@@ -117,7 +125,9 @@ def _rounded(values: NDArray[np.float32], step: float) -> NDArray[np.float32]:
 def _shortened(values: NDArray[np.float32], bits: int) -> NDArray[np.float32]:
     """The nearest float32 with `bits` significant bits; `values` must not be negative."""
     dropped = _SIGNIFICANT_BITS - bits
-    words: NDArray[Any] = values.view(np.uint32) + np.uint32(1 << (dropped - 1))  # carries into the exponent
+    words: NDArray[np.uint32] = values.view(np.uint32) + np.uint32(
+        1 << (dropped - 1)
+    )  # carries into the exponent
     return (words & np.uint32(0xFFFFFFFF ^ ((1 << dropped) - 1))).view(np.float32)
 
 
@@ -146,7 +156,7 @@ class HeightGrid:
 
 
 def height_grid(
-    positions_m: NDArray[Any], radius_m: float, box_m: tuple[tuple[float, float], tuple[float, float]]
+    positions_m: Positions, radius_m: float, box_m: tuple[tuple[float, float], tuple[float, float]]
 ) -> HeightGrid:
     """Highest centre plus a radius in every cell of a box ((x, y) of its corners); positions (n, 3) [m]."""
     cell = CELL_DIAMETERS * 2.0 * radius_m
@@ -161,7 +171,7 @@ def height_grid(
     return HeightGrid((x_low, y_low), cell, np.where(np.isfinite(height), height, np.nan))
 
 
-def soil_span_m(positions_m: NDArray[Any], soil: Soil) -> tuple[float, float]:
+def soil_span_m(positions_m: Positions, soil: Soil) -> tuple[float, float]:
     """Extent of the soil along x [m]: the bin or, with a window, whole cells around the particles (n, 3)."""
     if soil.window is None or len(positions_m) == 0:
         return 0.0, soil.bin.length_m
@@ -170,7 +180,7 @@ def soil_span_m(positions_m: NDArray[Any], soil: Soil) -> tuple[float, float]:
     return cell * math.floor(low / cell), cell * math.ceil(high / cell)
 
 
-def height_map(cloud: SoilCloud, soil: Soil) -> Any:
+def height_map(cloud: SoilCloud, soil: Soil) -> Message:
     """sensor_msgs/PointCloud2 in rows and columns: centre and height of every cell, and its lift, float32.
 
     lift [m] is the height over the surface that the scene describes (z = 0, or its profile), NaN where no

@@ -5,7 +5,6 @@ shown from the bag alone; the URDF names mesh files.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -17,33 +16,33 @@ from ..scene.model import Scene
 from ..scene.urdf import in_body, robot_description
 from ..ticks import NANOSECONDS_PER_SECOND
 from .topics import ROBOT_DESCRIPTION, TOOL_MARKERS, pose_topic, wrench_topic
-from .types import message_class
+from .types import Message, message_class
 
 WORLD_FRAME = "world"
 
 
-def header(time_ns: int, frame: str = WORLD_FRAME) -> Any:
+def header(time_ns: int, frame: str = WORLD_FRAME) -> Message:
     """std_msgs/Header stamped with a simulated time [ns]."""
     return message_class("std_msgs/msg/Header")(stamp=stamp(time_ns), frame_id=frame)
 
 
-def stamp(time_ns: int) -> Any:
+def stamp(time_ns: int) -> Message:
     """builtin_interfaces/Time of a simulated time [ns]."""
     seconds, nanoseconds = divmod(time_ns, NANOSECONDS_PER_SECOND)
     return message_class("builtin_interfaces/msg/Time")(sec=seconds, nanosec=nanoseconds)
 
 
-def time_ns_of(message_stamp: Any) -> int:
+def time_ns_of(message_stamp: Message) -> int:
     """Simulated time [ns] of a builtin_interfaces/Time."""
     return message_stamp.sec * NANOSECONDS_PER_SECOND + message_stamp.nanosec
 
 
-def vector(values: Sequence[float], name: str = "Vector3") -> Any:
+def vector(values: Sequence[float], name: str = "Vector3") -> Message:
     """geometry_msgs/Vector3, or a Point or Quaternion by its name."""
     return message_class(f"geometry_msgs/msg/{name}")(*values)
 
 
-def clock(time_ns: int) -> Any:
+def clock(time_ns: int) -> Message:
     """rosgraph_msgs/Clock."""
     return message_class("rosgraph_msgs/msg/Clock")(clock=stamp(time_ns))
 
@@ -55,7 +54,7 @@ def body_frame(scene: Scene, tool: str) -> str:
 
 def tool_messages(
     scene: Scene, motions: Iterable[ToolMotion], wrenches: Iterable[ToolWrench], time_ns: int
-) -> Iterator[tuple[str, Any]]:
+) -> Iterator[tuple[str, Message]]:
     """Topic and message of the pose of each tool, and then of its wrench."""
     motion_of = {motion.tool: motion for motion in motions}
     for tool, motion in motion_of.items():
@@ -66,7 +65,7 @@ def tool_messages(
             yield wrench_topic(wrench.tool), wrench_stamped(wrench, motion_of[wrench.tool], frame, time_ns)
 
 
-def pose_stamped(motion: ToolMotion, time_ns: int) -> Any:
+def pose_stamped(motion: ToolMotion, time_ns: int) -> Message:
     """geometry_msgs/PoseStamped of a tool's body in the world frame."""
     return message_class("geometry_msgs/msg/PoseStamped")(
         header=header(time_ns),
@@ -76,10 +75,10 @@ def pose_stamped(motion: ToolMotion, time_ns: int) -> Any:
     )
 
 
-def wrench_stamped(wrench: ToolWrench, motion: ToolMotion, frame: str, time_ns: int) -> Any:
+def wrench_stamped(wrench: ToolWrench, motion: ToolMotion, frame: str, time_ns: int) -> Message:
     """geometry_msgs/WrenchStamped: soil on tool about the centre of mass, components in the body frame."""
 
-    def in_tool(x: float, y: float, z: float) -> Any:
+    def in_tool(x: float, y: float, z: float) -> Message:
         if isinstance(motion, SpatialMotion):
             turn_x, turn_y, turn_z, turn_w = motion.quaternion
             return vector(turned((-turn_x, -turn_y, -turn_z, turn_w), (x, y, z)))
@@ -97,7 +96,7 @@ def wrench_stamped(wrench: ToolWrench, motion: ToolMotion, frame: str, time_ns: 
 
 def transforms(
     scene: Scene, state: MechanismState | None, motions: Iterable[ToolMotion], time_ns: int
-) -> Any:
+) -> Message:
     """tf2_msgs/TFMessage: every body of the mechanism, or every tool on a path, in the world frame."""
     if state is not None:
         lateral = {tool.body: tool.lateral_m for tool in scene.tools.values()}
@@ -125,7 +124,7 @@ _SHARE_COLOUR, _WHEEL_COLOUR = (0.55, 0.57, 0.6, 1.0), (0.25, 0.25, 0.28, 1.0)
 _TRIANGLE_LIST = 11  # visualization_msgs/Marker
 
 
-def latched_messages(resolved: ResolvedScene) -> dict[str, Any]:
+def latched_messages(resolved: ResolvedScene) -> dict[str, Message]:
     """The message of each latched topic of a scene; tool markers only if it has tools.
 
     Raises:
@@ -138,7 +137,7 @@ def latched_messages(resolved: ResolvedScene) -> dict[str, Any]:
     return messages
 
 
-def tool_markers(resolved: ResolvedScene) -> Any:
+def tool_markers(resolved: ResolvedScene) -> Message:
     """visualization_msgs/MarkerArray: the triangles of each facet group, fixed in the frame of its body.
 
     Stamp 0: RViz then places them by the newest /tf.
@@ -151,7 +150,7 @@ def tool_markers(resolved: ResolvedScene) -> Any:
     return message_class("visualization_msgs/msg/MarkerArray")(markers=markers)
 
 
-def _marker(resolved: ResolvedScene, name: str, mesh: ToolMesh, index: int, label: str) -> Any:
+def _marker(resolved: ResolvedScene, name: str, mesh: ToolMesh, index: int, label: str) -> Message:
     tool = resolved.scene.tools[name]
     mechanism = resolved.scene.mechanism
     angle_rad = mechanism.bodies[tool.body].angle_rad if mechanism is not None and tool.body else 0.0

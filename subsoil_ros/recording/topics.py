@@ -1,7 +1,6 @@
 """Topics of a run: their names, message types, order within a tick, and the QoS they are offered with."""
 
 from functools import cache
-from typing import Any
 
 from ..messages import (
     CouplingReport,
@@ -16,6 +15,7 @@ from ..messages import (
     ToolWrenches,
 )
 from ..scene.model import Scene
+from ..yaml_document import Document
 from .types import message_type
 
 BAG_NAMESPACE = "/subsoil"
@@ -102,7 +102,7 @@ def bag_topic(topic: str) -> str:
     return topic if topic.startswith("/") else f"{BAG_NAMESPACE}/{topic}"
 
 
-def qos_profile(topic: str) -> dict[str, Any]:
+def qos_profile(topic: str) -> Document:
     """Offered QoS as rosbag2 metadata (version 9) writes it, so that a replay offers the same."""
     lockstep = topic in RECORD_OF and topic != TOPIC_OF[SoilCloud]
     latched = topic in LATCHED

@@ -2,9 +2,8 @@
 
 import argparse
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from ...analysis.summary import KnownMean, Summary
 from ...api.run_frame import RunFrame, open_run
@@ -24,6 +23,7 @@ from ...ros.process.node_plan import checked_namespace, nodes_of
 from ...ros.process.supervisor import Supervisor, node_program, start_node
 from ...ros.transport.ros_domain import run_domain
 from ...ros.transport.shared_memory import avoid_full_memory
+from ...yaml_document import Document
 from .bed_preparation import bed_progress
 from .live import live_port, say_where
 from .preparation import KernelAnnouncer, announce_kernels_of_nodes, say, say_opened
@@ -85,7 +85,7 @@ class _ShownRun(RunWatch):
         super().__init__(show)
         self._bar = bar
 
-    def on_check(self, result: Mapping[str, Any]) -> None:
+    def on_check(self, result: Document) -> None:
         super().on_check(result)
         self._bar.note(mean_words(KnownMean.model_validate(result)))
 

@@ -2,9 +2,7 @@
 
 import statistics
 import time
-from collections.abc import Mapping
 from functools import partial
-from typing import Any
 
 from rclpy.context import Context
 
@@ -42,6 +40,7 @@ from ...recording.standard_messages import clock
 from ...recording.topics import CLOCK
 from ...recording.types import serialize
 from ...ticks import INITIAL_TICK, tick_end_ns
+from ...yaml_document import Document
 from ..process.heartbeat import Heartbeat, first_status
 from ..process.node_process import one_line, report_to_supervisor, run_process
 from ..transport.qos import VISUALIZATION_QOS, rclpy_class
@@ -365,7 +364,7 @@ class _ReportingObserver(RunObserver):
     def on_tick(self, tick: int) -> None:
         report_to_supervisor(tick=tick)
 
-    def on_check(self, result: Mapping[str, Any]) -> None:
+    def on_check(self, result: Document) -> None:
         report_to_supervisor(check=result)
 
 

@@ -18,7 +18,7 @@ from ...coupling.protocol import COUPLER, RECORDER
 from ...coupling.run_settings import RunSettings
 from ...coupling.time_limits import LAST_WORD_S, LONGEST_REST_S, POLL_S, WAITING_S
 from ...errors import ProtocolError, RunError
-from ...messages import Grant, NodeState, NodeStatus, ToolMotion, ToolWrench
+from ...messages import Grant, NodeState, NodeStatus, RunRecord, ToolMotion, ToolWrench
 from ...recording.message_codec import reader, writer
 from ...recording.topics import TOPIC_OF
 from ..process.heartbeat import Heartbeat
@@ -139,7 +139,7 @@ class LockstepNode(Node):
         self._writers[kind] = writer(kind, self._communication_step_ns)
         return publisher
 
-    def bytes_of(self, record: Any) -> bytes:
+    def bytes_of(self, record: RunRecord) -> bytes:
         """Serialized message of a record, of a kind that the node publishes."""
         return self._writers[type(record)](record)
 

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
-from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.node import Node
@@ -22,6 +21,7 @@ from subsoil_msgs.srv import Step
 from ..._version import __version__
 from ..process.heartbeat import Heartbeat
 from ..transport.private_rclpy import new_response
+from ..transport.qos import RosMessage
 from .run_control import RESET_ADVICE, Answer, Result, RunControl
 
 FEATURES = (
@@ -46,19 +46,19 @@ class Dialect:
     package: str
     standard: bool  # simulation_interfaces: a result and a state are messages of their own
 
-    def service(self, name: str) -> Any:
+    def service(self, name: str) -> RosMessage:
         """Return a service type."""
         return getattr(import_module(f"{self.package}.srv"), name)
 
-    def action(self) -> Any:
+    def action(self) -> RosMessage:
         """Return the action type SimulateSteps."""
         return import_module(f"{self.package}.action").SimulateSteps
 
-    def wanted_state(self, request: Any) -> int:
+    def wanted_state(self, request: RosMessage) -> int:
         """Return the state that a SetSimulationState requests."""
         return request.state.state if self.standard else request.state
 
-    def fill_result(self, response: Any, result: Result, reason: str) -> Any:
+    def fill_result(self, response: RosMessage, result: Result, reason: str) -> RosMessage:
         """Write result and reason into a response, and return it."""
         if self.standard:
             response.result.result, response.result.error_message = int(result), reason
@@ -66,14 +66,14 @@ class Dialect:
             response.result, response.error_message = int(result), reason
         return response
 
-    def fill_state(self, response: Any, state: int, tick: int) -> None:
+    def fill_state(self, response: RosMessage, state: int, tick: int) -> None:
         """Write the state of the run into a response."""
         if self.standard:
             response.state.state = state
         else:
             response.state, response.tick = state, tick
 
-    def fill_features(self, response: Any) -> None:
+    def fill_features(self, response: RosMessage) -> None:
         """Write the features of the simulator into a response."""
         if self.standard:
             kind = type(response.features)
@@ -108,8 +108,13 @@ class SimulationServices:
         self._serve("StepSimulation", "step_simulation", self._on_step)
         self._serve("ResetSimulation", "reset_simulation", self._on_reset)
 
-    def _serve(self, kind: str, name: str, handle: Callable[[Any, Any, Callable[[Any], None]], None]) -> None:
-        def received(request: Any, header: Any) -> None:
+    def _serve(
+        self,
+        kind: str,
+        name: str,
+        handle: Callable[[RosMessage, RosMessage, Callable[[RosMessage], None]], None],
+    ) -> None:
+        def received(request: RosMessage, header: RosMessage) -> None:
             send = partial(_send, service, header)
             handle(request, new_response(service), send)
 
@@ -117,37 +122,45 @@ class SimulationServices:
             self._dialect.service(kind), name, self._guarded(received)
         )
 
-    def _on_features(self, request: Any, response: Any, send: Callable[[Any], None]) -> None:
+    def _on_features(
+        self, request: RosMessage, response: RosMessage, send: Callable[[RosMessage], None]
+    ) -> None:
         self._dialect.fill_features(response)
         send(response)
 
-    def _on_state(self, request: Any, response: Any, send: Callable[[Any], None]) -> None:
+    def _on_state(
+        self, request: RosMessage, response: RosMessage, send: Callable[[RosMessage], None]
+    ) -> None:
         self._dialect.fill_state(response, int(self._control.state), self._control.done_tick)
         send(self._dialect.fill_result(response, Result.OK, ""))
 
-    def _on_set_state(self, request: Any, response: Any, send: Callable[[Any], None]) -> None:
+    def _on_set_state(
+        self, request: RosMessage, response: RosMessage, send: Callable[[RosMessage], None]
+    ) -> None:
         wanted = self._dialect.wanted_state(request)
         self._control.set_state(
             wanted, lambda result, reason: send(self._dialect.fill_result(response, result, reason))
         )
 
-    def _on_step(self, request: Any, response: Any, send: Callable[[Any], None]) -> None:
+    def _on_step(self, request: RosMessage, response: RosMessage, send: Callable[[RosMessage], None]) -> None:
         self._control.step(
             request.steps, lambda result, reason: send(self._dialect.fill_result(response, result, reason))
         )
 
-    def _on_reset(self, request: Any, response: Any, send: Callable[[Any], None]) -> None:
+    def _on_reset(
+        self, request: RosMessage, response: RosMessage, send: Callable[[RosMessage], None]
+    ) -> None:
         send(self._dialect.fill_result(response, Result.FEATURE_UNSUPPORTED, RESET_ADVICE))
 
 
-def _send(service: Service, header: Any, response: Any) -> None:
+def _send(service: Service, header: RosMessage, response: RosMessage) -> None:
     service.send_response(response, header)
 
 
 class _Goal:
     """An accepted goal: its number of ticks, and the last of them, once it has begun."""
 
-    def __init__(self, handle: Any) -> None:
+    def __init__(self, handle: RosMessage) -> None:
         self.handle = handle
         self.tick_count = 0
         self.last_tick: int | None = None  # None: it was refused
@@ -165,7 +178,7 @@ class StepsAction:
         self._control = control
         self._dialect = dialect()
         self._kind = self._dialect.action()
-        self._accepted: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._accepted: queue.SimpleQueue[RosMessage] = queue.SimpleQueue()
         self._goals: list[_Goal] = []
         server = ActionServer(
             heartbeat.node,
@@ -217,7 +230,7 @@ class StepsAction:
         )
 
     def _finish(self, goal: _Goal, result: Result, reason: str, how: str) -> None:
-        def execute(handle: Any) -> Any:
+        def execute(handle: RosMessage) -> RosMessage:
             getattr(handle, how)()
             return self._dialect.fill_result(self._kind.Result(), result, reason)
 
@@ -237,16 +250,16 @@ class PauseServices:
         self._resume = node.create_service(Trigger, "~/resume", guarded(self._on_resume))
         self._step = node.create_service(Step, "~/step", guarded(self._on_step))
 
-    def _on_pause(self, request: Any, header: Any) -> None:
+    def _on_pause(self, request: RosMessage, header: RosMessage) -> None:
         self._control.pause(self._answer(self._pause, header))
 
-    def _on_resume(self, request: Any, header: Any) -> None:
+    def _on_resume(self, request: RosMessage, header: RosMessage) -> None:
         self._control.resume(self._answer(self._resume, header))
 
-    def _on_step(self, request: Any, header: Any) -> None:
+    def _on_step(self, request: RosMessage, header: RosMessage) -> None:
         self._control.step(request.steps, self._answer(self._step, header))
 
-    def _answer(self, service: Service, header: Any) -> Answer:
+    def _answer(self, service: Service, header: RosMessage) -> Answer:
         def answer(result: Result, reason: str) -> None:
             done = self._control.done_tick
             resumed = service is self._resume

@@ -11,15 +11,18 @@ from ...messages import NodeStatus, SoilCloud
 from ...recording.topics import LOCKSTEP_DEPTH
 from ...recording.types import message_type
 
+RosMessage = Any
+"""A message of rclpy, a request, a response or its header, or the class of one: made at run time."""
+
 
 @cache
-def rclpy_class(name: str) -> Any:
+def rclpy_class(name: str) -> RosMessage:
     """Class of a message type, "subsoil_msgs/msg/Grant"."""
     package, _, short = name.partition("/msg/")
     return getattr(import_module(f"{package}.msg"), short)
 
 
-def class_of(kind: type) -> Any:
+def class_of(kind: type) -> RosMessage:
     """Class of the message that carries records of `kind`."""
     return rclpy_class(message_type(kind))
 

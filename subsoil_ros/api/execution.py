@@ -15,8 +15,7 @@ from ..errors import InputError
 from ..loading.loader import ResolvedScene
 from ..source_digest import result_digest
 from ..yaml_document import Document
-from .run_frame import RunFrame
-from .simulate import simulate
+from .run_frame import RunFrame, simulate
 
 WARM_UP_TICKS = 3
 """Ticks that load or compile the kernels before a run is timed."""

@@ -16,8 +16,7 @@ from ..errors import InputError
 from ..loading.loader import ResolvedScene
 from .load import SceneLike, resolved_scene
 from .read import Run, read_run
-from .run_frame import RunFrame, open_run
-from .simulate import needed_controller
+from .run_frame import RunFrame, needed_controller, open_run
 
 Progress = Callable[[int, int], None]
 """Called with (ticks done, ticks of the run) after every tick."""

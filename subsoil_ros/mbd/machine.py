@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..scene.mechanism import Mechanism
+from .explicit_integrators import multistep_weights
 from .forces import tabulate_forces
 from .forces.force_table import FRICTIONS
-from .frames import COORDINATE_INDEX, ReferencePoses
 from .function_tables import FunctionList, tabulate
-from .integrators.explicit import multistep_weights
+from .geometry import COORDINATE_INDEX, ReferencePoses
 from .joints import MODULE_OF_SCENE, kind_of
 from .joints.rows import JOINT
 from .machine_arrays import ADAMS_MOULTON, GENERALIZED_ALPHA, RUNGE_KUTTA_4, Model

@@ -18,7 +18,7 @@ BY_DRIVERS, DISSIPATED, BY_LOADS, BY_WRENCHES = 0, 1, 2, 3
 # Entries of State.counters.
 PAST_COUNT, PARTITION_COUNT, RESTART_COUNT, EVENT_COUNT = 0, 1, 2, 3
 NEAR_COUNT = 4  # steps in a row that ended next to a singular pose, see singular_poses.py
-PART_COUNT = 5  # parts of steps whose error was too large as a whole (step_error.py)
+PART_COUNT = 5  # parts of steps whose error was too large as a whole (accuracy.py)
 
 # Entries of State.balance.
 AT_START, LARGEST, RESIDUAL = 0, 1, 2
@@ -26,7 +26,7 @@ AT_START, LARGEST, RESIDUAL = 0, 1, 2
 ADAMS_MOULTON, RUNGE_KUTTA_4, GENERALIZED_ALPHA = 0, 1, 2
 
 MANY_FREEDOMS = 8
-"""With more freedoms the equations of motion are solved as a whole (kkt.py), which is faster on chains."""
+"""With more freedoms the equations of motion are solved as a whole (dynamics.py), faster on chains."""
 
 # Status that a kernel returns.
 OK, NOT_CLOSED, SINGULAR, CONTRADICTION, NOT_FINITE, JAMMED, NOT_SOLVED = 0, 1, 2, 3, 4, 5, 6
@@ -63,7 +63,7 @@ class Model(NamedTuple):
     gravity: float  # [m/s^2], along -z
     size: float  # of the machine [m]
     step: float  # [s]
-    tolerance: float  # of the error of a step, see step_error.py; infinite: not judged
+    tolerance: float  # of the error of a step, see accuracy.py; infinite: not judged
     integrator: int  # ADAMS_MOULTON, RUNGE_KUTTA_4, GENERALIZED_ALPHA
     pressed: bool  # some joint's friction depends on its reaction
 
@@ -80,9 +80,7 @@ class State(NamedTuple):
     powers: np.ndarray  # (3,) float64 [W]
     past_powers: np.ndarray  # (order - 1, 3) float64 [W]
     work: np.ndarray  # (4,) float64 [J], since the start
-    balance: (
-        np.ndarray
-    )  # (3,) float64 [J]: energy at the start, largest turnover, residual, see energy_balance.py
+    balance: np.ndarray  # (3,) float64 [J]: energy at the start, largest turnover, residual, see accuracy.py
     rows: np.ndarray  # (r,) int64: independent constraints
     dependent: np.ndarray  # (r,) int64: coordinates u
     independent: np.ndarray  # (n - r,) int64: coordinates v
@@ -108,7 +106,7 @@ class Workspace(NamedTuple):
     factor: np.ndarray  # (r, r) float64, LU of the scaled Phi_u, see linear.lu_factor
     pivots: np.ndarray  # (r,) int64
     dependence: np.ndarray  # (n - r, r) float64, columns of B = -Phi_u^-1 Phi_v, scaled
-    whole: np.ndarray  # (n + m, n + m) float64: see kkt.py
+    whole: np.ndarray  # (n + m, n + m) float64: see dynamics.py
     whole_pivots: np.ndarray  # (n + m,) int64
     whole_right: np.ndarray  # (n + m,) float64
     row_length: np.ndarray  # (m,) float64
@@ -124,7 +122,7 @@ class Workspace(NamedTuple):
     kept: np.ndarray  # (m,) float64: multipliers at the start of the step
     previous: np.ndarray  # (m,) float64: multipliers of the iteration before
     sums: np.ndarray  # (2, n + 3) float64
-    guess: np.ndarray  # (2, n + 3) float64: what the end of the step is compared with (step_error.py)
+    guess: np.ndarray  # (2, n + 3) float64: what the end of the step is compared with (accuracy.py)
     report: np.ndarray  # (forces, 3) float64
     power_sums: np.ndarray  # (3,) float64
     modes: np.ndarray  # (forces,) int64

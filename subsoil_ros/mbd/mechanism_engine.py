@@ -11,10 +11,10 @@ from ..errors import PhysicsError, ProtocolError, RunError, SceneError, Singular
 from ..messages import DriverCommand, MechanismState, ToolMotion, ToolWrench
 from ..scene.model import Scene
 from ..ticks import INITIAL_TICK, tick_end_s
+from .accuracy import LARGEST_RESIDUAL, MOST_HALVINGS
 from .advance import advance_tick
 from .assembly import Start, Topology, assemble, weakest_joints
 from .driving import Ramp, next_ramp, refuse_jumps, write_ramp
-from .energy_balance import LARGEST_RESIDUAL
 from .geometry import turns_of
 from .joints.constraints import evaluate_residual
 from .machine_arrays import (
@@ -38,7 +38,6 @@ from .machine_arrays import (
 from .machine_state import mechanism_state
 from .projection import Closure
 from .stability import USUAL_TOLERANCE, copied, in_parts, passes, refuse_unstable_step
-from .step_error import MOST_HALVINGS
 
 if TYPE_CHECKING:
     from ..limits.stable_steps import Timing

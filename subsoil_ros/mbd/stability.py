@@ -12,7 +12,7 @@ from ..errors import SceneError
 from ..scene.mechanism import Mechanism
 from .advance import advance_tick
 from .assembly import Start
-from .integrators.explicit import CORRECT_Q, CORRECT_V, PREDICT_Q, PREDICT_V
+from .explicit_integrators import CORRECT_Q, CORRECT_V, PREDICT_Q, PREDICT_V
 from .machine_arrays import (
     ADAMS_MOULTON,
     GENERALIZED_ALPHA,
@@ -123,7 +123,7 @@ def stable_step(model: Model, mode: Mode) -> float:
 def refuse_unstable_step(start: Start, interval_s: float) -> None:
     """Raise SceneError if the step is above the bound for a mode of the start, all one-sided forces acting.
 
-    With a tolerance no check is needed: it keeps steps below the bound (step_error.py).
+    With a tolerance no check is needed: it keeps steps below the bound (accuracy.py).
     """
     machine, model = start.machine, start.machine.model
     if model.integrator == GENERALIZED_ALPHA or len(model.forces) == 0 or math.isfinite(model.tolerance):

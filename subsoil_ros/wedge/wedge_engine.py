@@ -14,8 +14,17 @@ from ..messages import SpatialMotion, ToolMotion, ToolWrench
 from ..scene.meshes import load_tool_mesh
 from ..scene.tool_faces import CuttingFace, WheelFace, cutting_faces, wheel_face
 from ..scene.wedge import WedgeValues
-from .failure_blocks import bearing, block_number, block_sizes
-from .failure_wedge import Failure, Plate, Strength, bearing_pressure, failure, parted
+from .failure_wedge import (
+    Failure,
+    Plate,
+    Strength,
+    bearing,
+    bearing_pressure,
+    block_number,
+    block_sizes,
+    failure,
+    parted,
+)
 from .wedge_forces import AccumulatedInSpace, AccumulatedLoad, across_part, on_plate, slip_m, strength_of
 from .wheel import SLOWEST_M_PER_S, grip_newton, rolling_resistance_newton, wheel_load_newton
 

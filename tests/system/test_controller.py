@@ -19,7 +19,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from subsoil_ros.api.simulate import simulate
+from subsoil_ros.api.run_frame import simulate
 from subsoil_ros.coupling.control import Controller, build_controller
 from subsoil_ros.coupling.exit_status import ExitStatus
 from subsoil_ros.coupling.observer import RunWatch

@@ -16,7 +16,7 @@ from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from subsoil_msgs.msg import ToolMotions as ToolMotionsMessage
 
-from subsoil_ros.api.simulate import simulate
+from subsoil_ros.api.run_frame import simulate
 from subsoil_ros.coupling.exit_status import ExitStatus
 from subsoil_ros.coupling.observer import RunObserver
 from subsoil_ros.coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL

@@ -6,8 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ...analysis.summary import KnownMean, Summary
-from ...api.run_frame import RunFrame, open_run
-from ...api.simulate import needed_controller
+from ...api.run_frame import RunFrame, needed_controller, open_run
 from ...coupling.exit_status import caught_signals
 from ...coupling.external import refuse_unlike
 from ...coupling.observer import RunObserver, RunWatch

@@ -19,18 +19,17 @@ from ...scene.mechanism import (
     TorsionSpring,
     WheelContact,
 )
-from ..frames import ReferencePoses
 from ..function_tables import FunctionList
+from ..geometry import ReferencePoses
 from . import (
     coordinate_spring,
-    joint_friction,
-    joint_stops,
     point_load,
     spring_damper,
     torsion_spring,
     wheel_contact,
 )
 from .force_table import Builder, ForceTables
+from .in_joints import fill_friction_of, fill_stops_of
 
 
 class ForceKind(Protocol):
@@ -65,6 +64,6 @@ def tabulate_forces(mechanism: Mechanism, poses: ReferencePoses, functions: Func
         MODULE_OF_SCENE[type(force)].fill(builder, name, force)
     for name, joint in mechanism.joints.items():
         if isinstance(joint, Revolute | Prismatic | PointOnLine):
-            joint_friction.fill(builder, name, joint)
-            joint_stops.fill(builder, name, joint)
+            fill_friction_of(builder, name, joint)
+            fill_stops_of(builder, name, joint)
     return builder.tables()

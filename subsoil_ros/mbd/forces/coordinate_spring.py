@@ -1,8 +1,8 @@
 """Spring and damper on one coordinate against a time function: k (g(t) - q_c) + c (g' - q_c')."""
 
 from ...scene.mechanism import CoordinateSpring
-from ..frames import COORDINATE_INDEX
 from ..function_tables import function_rate, function_value
+from ..geometry import COORDINATE_INDEX
 from ..kernel_options import inner_kernel
 from ..machine_arrays import BY_DRIVERS, DISSIPATED
 from .elastic import spring_mode, spring_push

@@ -12,7 +12,7 @@ import numpy as np
 from ..geometry import turns_of
 from ..kernel_options import inner_kernel, kernel, part_of_kernel
 from ..machine_arrays import DISSIPATED, Model
-from . import OF_THEIR_OWN, joint_stops, spring_damper, torsion_spring, wheel_contact
+from . import OF_THEIR_OWN, spring_damper, torsion_spring, wheel_contact
 from .elastic import has_modes, push_at, spring_mode
 from .force_table import (
     LOCKED_SPRING,
@@ -22,7 +22,7 @@ from .force_table import (
     TORSION_SPRING,
     WHEEL_CONTACT,
 )
-from .joint_friction import friction_limit, friction_push, is_friction
+from .in_joints import friction_limit, friction_push, is_friction, measure_translation
 from .spring_damper import BEFORE
 from .sticking import stick_anchor, stick_mode
 
@@ -51,7 +51,7 @@ def _measure(force, mode, q, turns, v):
         return torsion_spring.measure(force, q, v)
     if force.kind == SPRING_DAMPER or force.kind == LOCKED_SPRING:
         return spring_damper.measure(force, mode, q, turns, v)
-    return joint_stops.measure_translation(force, q, turns, v)
+    return measure_translation(force, q, turns, v)
 
 
 @inner_kernel

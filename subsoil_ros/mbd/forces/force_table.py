@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...scene.mechanism import Mechanism, PointOnLine, Prismatic, Revolute
-from ..frames import ReferencePoses, along
 from ..function_tables import NO_FUNCTION, FunctionList
+from ..geometry import ReferencePoses, along
 from ..joints.rows import JOINT, Pair
 
 SPRING_DAMPER, COORDINATE_SPRING, POINT_LOAD, WHEEL_CONTACT, TORSION_SPRING = 0, 1, 2, 3, 4

@@ -10,8 +10,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from ...scene.mechanism import Driver, Fixed, PointOnLine, Prismatic, Revolute
-from ..frames import ReferencePoses
 from ..function_tables import FunctionList
+from ..geometry import ReferencePoses
 from . import driver, fixed, point_on_line, prismatic, revolute, rod, rotation_lock
 from .rows import RELATIVE_DRIVER, ROD, ROTATION_LOCK, Reaction
 

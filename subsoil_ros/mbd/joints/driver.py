@@ -6,8 +6,8 @@ Absolute: q_c = offset + way. Relative: the same for n . d, n an axis fixed in b
 import numpy as np
 
 from ...scene.mechanism import GROUND, Driver
-from ..frames import COORDINATE_INDEX, ReferencePoses
 from ..function_tables import FunctionList
+from ..geometry import COORDINATE_INDEX, ReferencePoses
 from ..kernel_options import part_of_kernel
 from .rows import (
     DRIVER,

@@ -3,8 +3,8 @@
 import numpy as np
 
 from ...scene.mechanism import Fixed
-from ..frames import ReferencePoses
 from ..function_tables import FunctionList
+from ..geometry import ReferencePoses
 from ..kernel_options import part_of_kernel
 from .rows import (
     Reaction,

@@ -3,8 +3,8 @@
 import numpy as np
 
 from ...scene.mechanism import PointOnLine, Prismatic
-from ..frames import ReferencePoses, across
 from ..function_tables import FunctionList
+from ..geometry import ReferencePoses, across
 from .rows import (
     Reaction,
     fill_pair,

@@ -3,8 +3,8 @@
 import numpy as np
 
 from ...scene.mechanism import Prismatic
-from ..frames import ReferencePoses
 from ..function_tables import FunctionList
+from ..geometry import ReferencePoses
 from ..kernel_options import part_of_kernel
 from . import point_on_line
 from .rows import (

@@ -3,8 +3,8 @@
 import numpy as np
 
 from ...scene.mechanism import Revolute
-from ..frames import ReferencePoses
 from ..function_tables import FunctionList
+from ..geometry import ReferencePoses
 from .rows import (
     Reaction,
     fill_pair,

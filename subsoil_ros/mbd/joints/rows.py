@@ -9,8 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..frames import ReferencePoses
-from ..geometry import difference, relative_velocity, turned
+from ..geometry import ReferencePoses, difference, relative_velocity, turned
 from ..kernel_options import part_of_kernel
 
 ROD, ROTATION_LOCK = 4, 5

@@ -10,7 +10,7 @@ interval to round-off, whatever the history.
 import numpy as np
 from numpy.polynomial import polynomial
 
-from ..kernel_options import inner_kernel
+from .kernel_options import inner_kernel
 
 PREDICT_V, PREDICT_Q, CORRECT_V, CORRECT_Q = 0, 1, 2, 3
 

@@ -1,16 +1,44 @@
-"""Friction of a joint against its rotation or translation: (preload + mu R N) tanh(rate / slip speed).
+"""Forces in a joint: friction, and stops, which are one-sided spring-dampers at the ends (elastic.py).
 
-N is the whole reaction in a pin of radius R; on a line, the reaction across it, with R = 1. Friction with a
-stick stiffness: sticking.py.
+Friction acts against rotation or translation: (preload + mu R N) tanh(rate / slip speed). N is the whole
+reaction in a pin of radius R; on a line, the reaction across it, with R = 1. Friction with a stick stiffness:
+sticking.py.
 """
 
 import math
 
 from ...scene.friction import RotationFriction
 from ...scene.mechanism import PointOnLine, Prismatic, Revolute
+from ..geometry import difference, relative_velocity, turned
 from ..kernel_options import inner_kernel
-from .force_table import FRICTIONS, ROTATION_FRICTION, TRANSLATION_FRICTION, Builder
+from .elastic import fill_stops
+from .force_table import (
+    FRICTIONS,
+    ROTATION_FRICTION,
+    TORSION_SPRING,
+    TRANSLATION_FRICTION,
+    TRANSLATION_STOPS,
+    Builder,
+)
 from .sticking import stick_push
+
+
+@inner_kernel
+def measure_translation(force, q, turns, v):
+    """Translation along the axis, its rate, the axis, and arms: both forces act at the point of body b."""
+    dx, dz, ax, az, bx, bz = difference(force, q, turns)
+    ux, uz = turned(turns, force.body_a, force.axis)
+    value = ux * dx + uz * dz
+    ax, az = ax + dx, az + dz
+    vx, vz = relative_velocity(force, v, ax, az, bx, bz)
+    return value, ux * vx + uz * vz, ux, uz, ax, az, bx, bz
+
+
+def fill_stops_of(builder: Builder, name: str, joint: Revolute | Prismatic | PointOnLine) -> None:
+    """Add the row of its stops to the table, if the joint has any."""
+    if joint.stops is not None:
+        kind = TORSION_SPRING if isinstance(joint, Revolute) else TRANSLATION_STOPS
+        fill_stops(builder.row_at_joint(f"{name}.stops", kind, joint), joint.stops)
 
 
 @inner_kernel
@@ -46,8 +74,8 @@ def friction_push(model, force, mode, anchor, multipliers, value, rate):
     return -limit * math.tanh(rate / force.slip_speed), 0.0, 0.0
 
 
-def fill(builder: Builder, name: str, joint: Revolute | Prismatic | PointOnLine) -> None:
-    """Add its row to the table, if the joint has friction."""
+def fill_friction_of(builder: Builder, name: str, joint: Revolute | Prismatic | PointOnLine) -> None:
+    """Add the row of its friction to the table, if the joint has any."""
     friction = joint.friction
     if friction is None:
         return

@@ -7,10 +7,10 @@ accelerations of the independent coordinates, so the equations are free of const
 
 import numpy as np
 
-from ..dynamics import complete
-from ..kernel_options import YES, inner_kernel
-from ..linear import copy, lu_factor, lu_solve
-from ..machine_arrays import NOT_SOLVED, OK, PAST_COUNT, SINGULAR
+from .dynamics import complete
+from .kernel_options import YES, inner_kernel
+from .linear import copy, lu_factor, lu_solve
+from .machine_arrays import NOT_SOLVED, OK, PAST_COUNT, SINGULAR
 
 DAMPING_RADIUS = 0.8
 """Spectral radius at infinite frequency. 1 would damp nothing, 0 would remove fast modes in one step."""

@@ -156,14 +156,19 @@ class MechanismNode(LockstepNode):
             self._checkpoint_writer.keep(tick, MECHANISM, self._engine)
 
 
-def build(run: RunSettings, heartbeat: Heartbeat, context: Context | None = None) -> MechanismNode:
-    """The node with its engine.
+def build(
+    run: RunSettings,
+    heartbeat: Heartbeat,
+    context: Context | None = None,
+    engine: MotionSource | None = None,
+) -> MechanismNode:
+    """The node with its engine: the scene's mechanism, unless another one is given.
 
     Raises:
         SceneError: the scene has no mechanism, or it cannot be assembled.
         InputError: the checkpoint to continue from does not fit.
     """
-    engine = build_mechanism(run.resolved)
+    engine = engine or build_mechanism(run.resolved)
     if engine is None:
         raise SceneError(f"{run.resolved.path}: has no 'mechanism'; no mechanism node is needed for it")
     if run.resumed is not None:

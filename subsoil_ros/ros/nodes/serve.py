@@ -2,7 +2,7 @@
 
 import os
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from functools import partial
 from os import PathLike
@@ -15,8 +15,6 @@ from rclpy.signals import SignalHandlerOptions
 
 from ...api.load import SceneLike, resolved_scene
 from ...api.run_frame import run_id_of
-from ...coupling.checkpoints import restore_engine
-from ...coupling.engines import PATHS, build_paths
 from ...coupling.exit_status import ExitStatus, caught_signals, interrupted
 from ...coupling.external import (
     ExternalMachineEngine,
@@ -33,11 +31,9 @@ from ...loading.loader import ResolvedScene
 from ...recording.checkpoint import read_checkpoint
 from ..process.heartbeat import Heartbeat
 from ..process.node_plan import checked_namespace, ros_arguments
-from ..process.node_process import OWN_TIME, Service, say, watched_by
+from ..process.node_process import OWN_TIME, Served, Service, say, watched_by
 from ..transport.shared_memory import avoid_full_memory
-from .lockstep_node import LockstepNode
-from .mechanism_node import MechanismNode
-from .soil_node import SoilNode
+from . import mechanism_node, soil_node
 
 
 def serve(
@@ -96,7 +92,11 @@ def serve(
 def _serve(
     run: RunSettings, engine: ExternalMachineEngine | ExternalSoilEngine, namespace: str
 ) -> ExitStatus:
-    name = MECHANISM if isinstance(engine, ExternalMachineEngine) else SOIL
+    build: Callable[..., Served]
+    if isinstance(engine, ExternalMachineEngine):
+        name, build = MECHANISM, partial(mechanism_node.build, engine=engine)
+    else:
+        name, build = SOIL, partial(soil_node.build, engine=engine)
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     notice = avoid_full_memory()
     if notice:
@@ -106,7 +106,7 @@ def _serve(
     rclpy.init(args=words, context=context, signal_handler_options=SignalHandlerOptions.NO)
     node = Node(f"{name}_process", context=context, parameter_overrides=OWN_TIME)
     heartbeat = Heartbeat(node, name, run, watched_by(name, run))
-    service = Service(name, partial(_node, engine, run, heartbeat, context), heartbeat)
+    service = Service(name, partial(build, run, heartbeat, context), heartbeat)
     main = threading.current_thread() is threading.main_thread()  # signals reach no other
     stop = caught_signals(lambda number: heartbeat.request_stop(interrupted(number)))
     try:
@@ -124,21 +124,3 @@ def _serve(
     finally:
         heartbeat.close()
         rclpy.shutdown(context=context)
-
-
-def _node(
-    engine: ExternalMachineEngine | ExternalSoilEngine,
-    run: RunSettings,
-    heartbeat: Heartbeat,
-    context: Context,
-) -> LockstepNode:
-    """Build the node, with its engine in the state of the checkpoint to continue from."""
-    name = MECHANISM if isinstance(engine, ExternalMachineEngine) else SOIL
-    if run.resumed is not None:
-        restore_engine(engine, run.resumed, name)
-    if isinstance(engine, ExternalMachineEngine):
-        return MechanismNode(engine, run, heartbeat, context)
-    paths = None if run.resolved.scene.moved_by_participant else build_paths(run.resolved)
-    if paths is not None and run.resumed is not None:
-        restore_engine(paths, run.resumed, PATHS)
-    return SoilNode(engine, paths, run, heartbeat, context)

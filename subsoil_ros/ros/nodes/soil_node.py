@@ -208,14 +208,16 @@ class SoilNode(LockstepNode):
             self._tool_publishers[topic].publish(serialize(message))
 
 
-def build(run: RunSettings, heartbeat: Heartbeat, context: Context | None = None) -> SoilNode:
-    """The node with its engine.
+def build(
+    run: RunSettings, heartbeat: Heartbeat, context: Context | None = None, engine: Soil | None = None
+) -> SoilNode:
+    """The node with its engine: the scene's soil, unless another one is given.
 
     Raises:
         SceneError: the scene has no soil.
         InputError: the checkpoint to continue from does not fit.
     """
-    engine = build_soil(run.resolved, run.threads)
+    engine = engine or build_soil(run.resolved, run.threads)
     if engine is None:
         raise SceneError(f"{run.resolved.path}: has no 'soil'; no soil node is needed for it")
     motion_source = None if run.resolved.scene.moved_by_participant else build_paths(run.resolved)

@@ -14,7 +14,7 @@ from ..ticks import INITIAL_TICK, tick_end_s
 from .accuracy import LARGEST_RESIDUAL, MOST_HALVINGS
 from .advance import advance_tick
 from .assembly import Start, Topology, assemble, weakest_joints
-from .driving import Ramp, next_ramp, refuse_jumps, write_ramp
+from .driving import Ramp, first_ramp, next_ramp, refuse_jumps, write_ramp
 from .geometry import turns_of
 from .joints.constraints import evaluate_residual
 from .machine_arrays import (
@@ -82,8 +82,7 @@ class MechanismEngine:
         if scene.controller is not None:
             driver = self._machine.joints.index(scene.controller.driver)
             self._commanded_function = int(self._machine.model.joints[driver]["function"])
-            speed = float(scene.mechanism.joints[scene.controller.driver].speed.value)  # type: ignore[union-attr]
-            self.ramp = Ramp(0.0, speed, 0.0, speed, 0.0)
+            self.ramp = first_ramp(scene)
         self.topology = Topology.of(start)
         self._begin(start)
 

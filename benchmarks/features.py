@@ -25,7 +25,7 @@ from typing import Any
 import trimesh
 import yaml
 
-from subsoil_ros.api.simulate import simulate
+from subsoil_ros.api.run_frame import simulate
 from subsoil_ros.coupling.observer import RunWatch
 from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.dem.build import build_engine

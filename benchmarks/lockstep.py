@@ -26,9 +26,9 @@ from subsoil_ros.cli._shared.output import say, table
 from subsoil_ros.coupling.observer import RunWatch
 from subsoil_ros.coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL
 from subsoil_ros.loading.loader import load_scene
-from subsoil_ros.ros.process.plan import Parameters
+from subsoil_ros.ros.process.node_plan import Parameters
 from subsoil_ros.ros.process.supervisor import NodeProcess, Supervisor, node_program, start_node
-from subsoil_ros.ros.transport.domain import run_domain
+from subsoil_ros.ros.transport.ros_domain import run_domain
 from subsoil_ros.yaml_document import dump_yaml
 from validation.machines import SEVEN_BODIES
 

@@ -19,7 +19,7 @@ from subsoil_ros.cli._shared.output import table
 from subsoil_ros.cli._shared.progress import KernelAnnouncer
 from subsoil_ros.mbd.advance import advance_tick
 from subsoil_ros.mbd.assembly import assemble
-from subsoil_ros.mbd.tables import make_state, make_workspace
+from subsoil_ros.mbd.machine_arrays import make_state, make_workspace
 from subsoil_ros.scene.mechanism import Mechanism
 from validation.machines import SEVEN_BODIES, pin
 

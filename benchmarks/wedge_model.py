@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from subsoil_ros.api.simulate import simulate
+from subsoil_ros.api.run_frame import simulate
 from subsoil_ros.coupling.observer import RunWatch
 from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.loading.loader import ResolvedScene, load_scene

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from mcap.reader import make_reader
 
-from subsoil_ros.api.simulate import simulate
+from subsoil_ros.api.run_frame import simulate
 from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.loading.loader import load_scene
 

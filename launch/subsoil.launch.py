@@ -1,4 +1,4 @@
-"""Launch file of a run: the processes of `subsoil run`, from the same plan (ros/process/plan.py).
+"""Launch file of a run: the processes of `subsoil run`, from the same plan (ros/process/node_plan.py).
 
 ros2 launch subsoil_ros subsoil.launch.py scene:=my_scene.yaml namespace:=left
 """
@@ -21,15 +21,13 @@ from launch_ros.parameter_descriptions import ParameterValue
 from subsoil_ros.api.run_frame import open_run
 from subsoil_ros.cli._shared.progress import KernelAnnouncer, bed_progress
 from subsoil_ros.cli.run.simulation import live_port, say_opened, say_where
+from subsoil_ros.coupling.run_options import OPTIONS
 from subsoil_ros.coupling.run_settings import RunSettings
+from subsoil_ros.coupling.time_limits import LAUNCH_PATIENCE_S
 from subsoil_ros.errors import InputError, RunError
 from subsoil_ros.loading.loader import load_scene
-from subsoil_ros.ros.process.plan import checked_namespace, nodes_of, remappings
+from subsoil_ros.ros.process.node_plan import checked_namespace, nodes_of, remappings
 from subsoil_ros.ros.transport.shared_memory import avoid_full_memory
-
-PATIENCE_S = 15.0
-"""Time for the other nodes to end after one has failed: longer than the 10 s after which a silent node counts
-as dead (STALL_S of heartbeat.py)."""
 
 DEFAULT_SCENE = "config/scenes/subsoiler_1s300_wedge.yaml"
 
@@ -40,8 +38,7 @@ ARGUMENTS = {
     "recording": ("true", "whether the run has a recorder, which writes the bag"),
     "namespace": ("", "of all nodes and topics, also /clock and /tf, so that runs can share a domain"),
     "use_sim_time": ("false", "for other nodes of this launch; the nodes of the run ignore it"),
-    "threads": ("1", "threads of the soil engine; results do not depend on it"),
-    "paused": ("false", "wait before the first tick until the service resume or step is called"),
+    **{name: (str(option.default).lower(), option.description) for name, option in OPTIONS.items()},
     "resume": ("", "folder of an earlier run of the scene, to continue from its newest checkpoint"),
     "live": ("", "port of a live view for Foxglove; 0: any free port; empty: none"),
     "overrides": ("", 'changes of the scene, as "soil.bed.seed=3 duration_s=1.0"'),
@@ -69,8 +66,8 @@ def generate_launch_description() -> LaunchDescription:
 def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     """Return the actions that start the processes of the run."""
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
-    scene, threads = given["scene"], whole_number("threads", given["threads"])
-    recording, paused = flag("recording", given["recording"]), flag("paused", given["paused"])
+    scene, recording = given["scene"], flag("recording", given["recording"])
+    options = {name: option.parsed(name, given[name]) for name, option in OPTIONS.items()}
     out = Path(given["out"] or f"runs/{time.strftime('%Y%m%d-%H%M%S')}")
     namespace = checked_namespace(given["namespace"])
     overrides = shlex.split(given["overrides"])
@@ -78,9 +75,10 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         if not recording:
             raise InputError("recording: given false, but only mode:=nodes runs without a recorder")
         command = [sys.executable, "-m", "subsoil_ros.cli.main", "run", scene, "--out", str(out)]
-        command += ["--mode", given["mode"], "--threads", str(threads)]
+        command += ["--mode", given["mode"]]
         command += [f"--namespace={namespace}"] if namespace else []
-        command += ["--paused"] if paused else []
+        for name, value in options.items():
+            command += OPTIONS[name].arguments(name, value)
         command += ["--resume", given["resume"]] if given["resume"] else []
         command += ["--live", given["live"]] if given["live"] else []
         command += [word for change in overrides for word in ("--set", change)]
@@ -88,9 +86,7 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     notice = avoid_full_memory()  # for the nodes too: they inherit the environment
     live = live_port(given["live"] or None)
     resume = Path(given["resume"]) if given["resume"] else None
-    settings = RunSettings(
-        load_scene(scene, overrides), recorded=recording, threads=threads, paused=paused, live_port=live
-    )
+    settings = RunSettings(load_scene(scene, overrides), recorded=recording, live_port=live, **options)
     with KernelAnnouncer():
         frame = open_run(settings, out, resume, shown=scene, bed_progress=bed_progress)
     say_opened(frame)
@@ -138,7 +134,7 @@ class Ending:
             self.fail(context)
         if not begun or context.is_shutdown:
             return None
-        return TimerAction(period=PATIENCE_S, actions=[OpaqueFunction(function=self.fail)])
+        return TimerAction(period=LAUNCH_PATIENCE_S, actions=[OpaqueFunction(function=self.fail)])
 
     def fail(self, context: LaunchContext) -> None:
         """End the launch. Raises RunError with the first failure."""
@@ -150,10 +146,3 @@ def flag(name: str, text: str) -> bool:
     if text.lower() not in ("true", "false"):
         raise InputError(f"{name}: given '{text}', allowed are true and false")
     return text.lower() == "true"
-
-
-def whole_number(name: str, text: str) -> int:
-    """Value of a launch argument that is a whole number from 1."""
-    if not text.isdecimal() or int(text) < 1:
-        raise InputError(f"{name}: given '{text}'; it must be a whole number from 1")
-    return int(text)

@@ -1,7 +1,7 @@
 """Soil-tool co-simulation: discrete-element soil and a planar machine in lockstep.
 
 `load_scene`, `check`, `run` and `read_run` are the public interface. For machines and soils of other
-programs there are `serve`, the protocols `Machine` and `OutsideSoil`, what they exchange (`ToolMotion`,
+programs there are `serve`, the protocols `Machine` and `ExternalSoil`, what they exchange (`ToolMotion`,
 `SpatialMotion`, `ToolWrench`) and `MujocoMachine`. Each is imported when it is first used.
 """
 
@@ -10,19 +10,19 @@ from typing import TYPE_CHECKING
 from ._version import __version__
 
 if TYPE_CHECKING:
-    from .api.check import check
+    from .api.check_scene import check
     from .api.load import load_scene
     from .api.read import read_run
-    from .api.run import run
+    from .api.run_scene import run
+    from .coupling.external import ExternalSoil, Machine
     from .coupling.mujoco_machine import MujocoMachine
-    from .coupling.outside import Machine, OutsideSoil
     from .messages import SpatialMotion, ToolMotion, ToolWrench
-    from .ros.process.serve import serve
+    from .ros.nodes.serve import serve
 
 __all__ = [
+    "ExternalSoil",
     "Machine",
     "MujocoMachine",
-    "OutsideSoil",
     "SpatialMotion",
     "ToolMotion",
     "ToolWrench",
@@ -35,17 +35,17 @@ __all__ = [
 ]
 
 _MODULES = {
-    "Machine": "coupling.outside",
+    "Machine": "coupling.external",
     "MujocoMachine": "coupling.mujoco_machine",
-    "OutsideSoil": "coupling.outside",
+    "ExternalSoil": "coupling.external",
     "SpatialMotion": "messages",
     "ToolMotion": "messages",
     "ToolWrench": "messages",
-    "check": "api.check",
+    "check": "api.check_scene",
     "load_scene": "api.load",
     "read_run": "api.read",
-    "run": "api.run",
-    "serve": "ros.process.serve",
+    "run": "api.run_scene",
+    "serve": "ros.nodes.serve",
 }
 
 

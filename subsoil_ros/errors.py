@@ -30,7 +30,7 @@ class SingularMechanismError(RunError):
 
 
 class ProtocolError(RunError):
-    """A lockstep message is missing, repeated, foreign or malformed."""
+    """A lockstep message is missing, repeated, of another run or malformed."""
 
 
 class RecordingError(RunError):

@@ -390,3 +390,18 @@ class SoilCloud:
     broken_parts: object = field(default=None, repr=False)
     radii_m: object = field(default=None, repr=False)
     materials: object = field(default=None, repr=False)
+
+
+RunRecord = (
+    Grant
+    | DriverCommand
+    | ToolMotions
+    | ToolWrenches
+    | MechanismState
+    | SoilState
+    | CouplingReport
+    | SoilCloud
+    | TickAck
+    | NodeStatus
+)
+"""A record that a message carries."""

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from .cache_folders import kernel_cache_folder
-from .outside_laws import law_sources, outside_laws
+from .installed_laws import installed_laws, law_sources
 
 PACKAGE = Path(__file__).parent
 
@@ -88,8 +88,8 @@ def result_digest(package: Path = PACKAGE) -> str:
 def law_digests() -> dict[str, str]:
     """sha256 hex of the sources of each contact law of another package, by its kind."""
     digests = {}
-    for kind in outside_laws():
-        digest = hashlib.sha256(repr(outside_laws()[kind].value).encode())
+    for kind in installed_laws():
+        digest = hashlib.sha256(repr(installed_laws()[kind].value).encode())
         for name, file in sorted(law_sources(kind).items()):
             digest.update(f"{name}\0{source_of(file).digest}\0".encode())
         digests[kind] = digest.hexdigest()

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from subsoil_ros.limits.stable_steps import Timing
-from subsoil_ros.mbd.engine import MechanismEngine
+from subsoil_ros.mbd.mechanism_engine import MechanismEngine
 from subsoil_ros.scene.scene import Scene
 from validation.machines import SEVEN_BODIES
 

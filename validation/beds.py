@@ -4,7 +4,7 @@ import resource
 
 import numpy as np
 
-from subsoil_ros.api.check import BYTES_OF_PROCESS, BYTES_PER_PARTICLE
+from subsoil_ros.api.check_scene import BYTES_OF_PROCESS, BYTES_PER_PARTICLE
 from subsoil_ros.dem.build import build_engine
 from subsoil_ros.dem.engine import SoilEngine
 

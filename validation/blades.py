@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from subsoil_ros.wedge.wedge import Plate, Strength, lateral_pressure, least_wedge
+from subsoil_ros.wedge.failure_wedge import Plate, Strength, lateral_pressure, least_wedge
 
 Values = NDArray[np.float64]
 

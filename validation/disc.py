@@ -38,7 +38,7 @@ from scipy.spatial.transform import Rotation
 from subsoil_ros.analysis.stationarity import stationarity
 from subsoil_ros.dem.build import build_engine
 from subsoil_ros.loading.loader import ResolvedScene
-from subsoil_ros.mbd.path import PathEngine
+from subsoil_ros.mbd.tool_paths import PathEngine
 
 from .laboratory import Laboratory
 

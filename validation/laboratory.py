@@ -13,7 +13,7 @@ import yaml
 from subsoil_ros.dem.build import build_engine
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
-from subsoil_ros.mbd.engine import MechanismEngine
+from subsoil_ros.mbd.mechanism_engine import MechanismEngine
 from subsoil_ros.messages import ToolMotion
 
 RADIUS, DENSITY, GRAVITY = 0.01, 1800.0, 9.81

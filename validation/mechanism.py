@@ -8,8 +8,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 from subsoil_ros.errors import PhysicsError, SceneError
-from subsoil_ros.mbd.engine import MechanismEngine
-from subsoil_ros.mbd.tables import PART_COUNT
+from subsoil_ros.mbd.machine_arrays import PART_COUNT
+from subsoil_ros.mbd.mechanism_engine import MechanismEngine
 from subsoil_ros.messages import DriverCommand, MechanismState
 
 from .cases import REFUSED, RIGHT, STOPPED, Cases, Outcome, must, refused, right, stopped

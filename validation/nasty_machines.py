@@ -10,7 +10,7 @@ from scipy.special import ellipj, ellipk
 from subsoil_ros.errors import PhysicsError
 from subsoil_ros.mbd.assembly import MovedBodiesWarning
 from subsoil_ros.mbd.equilibrium import UnstableEquilibriumWarning
-from subsoil_ros.mbd.tables import PART_COUNT
+from subsoil_ros.mbd.machine_arrays import PART_COUNT
 
 from .cases import REFUSED, RIGHT, STOPPED, Cases, Outcome, must, refused, right, right_or_stopped, stopped
 from .four_bars import HIGH_PRECISION_JOULE, energy_drift

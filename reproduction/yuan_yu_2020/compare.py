@@ -20,7 +20,7 @@ from rich.table import Table
 from subsoil_ros.analysis.metrics_window import metrics_window
 from subsoil_ros.analysis.run_statistics import run_statistics
 from subsoil_ros.analysis.series import read_series
-from subsoil_ros.api.recorded_run import recorded_run
+from subsoil_ros.api.read import recorded_run
 from subsoil_ros.figures.plotting import COLOURS, new_figure, save_figure
 
 from . import printed

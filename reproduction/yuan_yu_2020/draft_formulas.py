@@ -1,4 +1,4 @@
-"""Draft of a subsoiler's share by McKyes and Ali (1977): the wedge of the wedge model (wedge/wedge.py).
+"""Draft of a subsoiler's share by McKyes and Ali (1977): the wedge of wedge/failure_wedge.py.
 
 c and phi are those of the bed's own shear tests; nothing is fitted to it. ASABE D497.7: validation/blades.py.
 """
@@ -6,7 +6,7 @@ c and phi are those of the bed's own shear tests; nothing is fitted to it. ASABE
 import math
 from typing import NamedTuple
 
-from subsoil_ros.wedge.wedge import Plate, Strength, least_wedge
+from subsoil_ros.wedge.failure_wedge import Plate, Strength, least_wedge
 
 
 class ShearStrength(NamedTuple):

@@ -84,7 +84,7 @@ def _of_force(
     if isinstance(force, PointLoad):
         if force.force_z_newton is None:
             return None
-        from ..mbd.time_functions import function_value, tabulate  # imports numba
+        from ..mbd.function_tables import function_value, tabulate  # imports numba
 
         functions, _ = tabulate([force.force_z_newton])
         # at a jump of a load the value before it, which is the one in the state at the end of a step

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from ..loading.loader import ResolvedScene
 from ..messages import SoilCloud, ToolMotions
-from ..recording.height_map import CELL_DIAMETERS, HeightGrid, height_grid
 from ..recording.joined import open_record
+from ..recording.soil_clouds import CELL_DIAMETERS, HeightGrid, height_grid
 from ..scene.bed_kinds import GridBed
 from ..scene.pair_laws import particle_spacing_m
 from ..scene.soil import Soil, SoilWindow

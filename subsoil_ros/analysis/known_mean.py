@@ -10,8 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..coupling.checkpoints import CouplingState
-from ..coupling.stopping import StopState
+from ..coupling.checkpoints import CouplingState, StopState
 from ..loading.loader import ResolvedScene
 from ..messages import SpatialMotion, ToolMotion, ToolWrench
 from ..recording.checkpoint import Checkpoint
@@ -31,7 +30,7 @@ UNKNOWN = "too short"
 
 
 class KnownMean:
-    """The rule of a scene's `stop_when`: coupling.stopping.StopRule.
+    """The rule of a scene's `stop_when`: coupling.tick_rules.StopRule.
 
     Args:
         state: the rule's state in the checkpoint that the run resumes from; None: from the first tick.

@@ -6,17 +6,16 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from .._version import __version__
 from ..analysis.versions import processor_name
 from ..coupling.observer import RunWatch
 from ..coupling.run_settings import RunSettings
-from ..errors import SubsoilError
+from ..errors import InputError
 from ..loading.loader import ResolvedScene
 from ..source_digest import result_digest
-from .results import write_results
-from .simulate import simulate
+from ..yaml_document import Document
+from .run_frame import RunFrame, simulate
 
 WARM_UP_TICKS = 3
 """Ticks that load or compile the kernels before a run is timed."""
@@ -31,7 +30,7 @@ class RunResult:
     """
 
     files: dict[str, bytes]
-    facts: dict[str, Any]
+    facts: Document
 
 
 class _Stopwatch(RunWatch):
@@ -73,17 +72,21 @@ def execute(
     """
     stopwatch = _Stopwatch(on_tick)
     start = time.perf_counter()
-    failure: SubsoilError | None = None
     with tempfile.TemporaryDirectory(prefix="subsoil-run-") as name:
-        folder = Path(name)
-        try:
+        folder = Path(name) / "run"
+        folder.mkdir()
+        frame = RunFrame(RunSettings(resolved, "kept", bag=folder / "bag", threads=threads), folder, None)
+
+        def work() -> None:
             if warm_up:
                 ticks = min(WARM_UP_TICKS, resolved.timing.tick_count)
                 short = replace(resolved, timing=replace(resolved.timing, tick_count=ticks))
                 simulate(RunSettings(short, threads=threads))
-            settings = RunSettings(resolved, "kept", bag=folder / "bag", threads=threads)
-            simulate(settings, observer=stopwatch)
-        except SubsoilError as error:
+            frame.simulate(stopwatch)
+
+        try:
+            _, failure = frame.complete("direct", work, stopwatch, lasting=False)
+        except InputError as error:
             failure = error
         wall_s, cpu_s = stopwatch.times()
         facts = {
@@ -98,9 +101,6 @@ def execute(
             "version": __version__,
             "code": code_digest(),
         }
-        run_info = {"mode": "direct", "threads": threads, "whole_wall_s": facts["whole_wall_s"]}
-        run_info |= {"stop_when": stopwatch.stop_when} if stopwatch.stop_when else {}
-        write_results(resolved, folder, run_info, failure)
         paths = {name: folder / name for name in ("series.csv", "summary.json")}
         return RunResult({name: path.read_bytes() for name, path in paths.items() if path.is_file()}, facts)
 

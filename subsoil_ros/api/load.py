@@ -3,13 +3,12 @@
 from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
-from typing import Any
 
 from ..errors import InputError
 from ..loading import loader
 from ..loading.loader import ResolvedScene
 
-SceneLike = str | PathLike[str] | Mapping[str, Any]
+SceneLike = str | PathLike[str] | Mapping[str, object]
 """A scene as callers give it: the name of a shipped scene, a file (.yaml), or a document."""
 
 

@@ -1,22 +1,84 @@
-"""Read a run back: its scene, series and summary."""
+"""Read a run back: its scene, series and summary, from its folder or from a bag without its run."""
 
 import json
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..analysis.series import Series, read_series, read_series_csv
 from ..analysis.summarize import summarize
 from ..analysis.summary import SCHEMA_VERSION
 from ..errors import InputError
-from ..loading.loader import ResolvedScene
-from .checkpoints import checkpoint_facts
-from .recorded_run import RecordedRun, recorded_run
+from ..loading.loader import ResolvedScene, load_scene
+from ..recording.bag_reader import mcap_path, read_scene
+from ..recording.joined import recover_earlier
+from ..yaml_document import Document
+from .resume import checkpoint_facts
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+@dataclass(frozen=True)
+class RecordedRun:
+    """Bag and scene of a run.
+
+    directory: folder of the results; for a bag alone it may not exist yet. bag: folder or .mcap file.
+    """
+
+    directory: Path
+    bag: Path
+    resolved: ResolvedScene
+
+    def make_directory(self) -> None:
+        """The folder of the results. Raises InputError if it cannot be made."""
+        try:
+            self.directory.mkdir(exist_ok=True)
+        except OSError as error:
+            raise InputError(
+                f"{self.directory}: cannot be made ({error.strerror}), and the results of {self.bag} go "
+                "there; copy the bag to where there is room"
+            ) from error
+
+
+@contextmanager
+def recorded_run(path: Path) -> Iterator[RecordedRun]:
+    """Context of the run in the folder `path`, or of the bag `path`; it keeps the files of the scene.
+
+    Raises:
+        InputError: there is neither, or the bag holds no scene.
+        RecordingError: the bag was not closed, or is damaged.
+    """
+    directory = _folder_of_run(path)
+    if directory is not None:
+        resolved = load_scene(directory / "scene.yaml")
+        recover_earlier(directory)
+        yield RecordedRun(directory, directory / "bag", resolved)
+        return
+    try:
+        file = mcap_path(path).resolve()
+    except InputError as error:
+        raise InputError(f"{error} (it is no folder of a run: it has no scene.yaml)") from error
+    whole = file.parent if (file.parent / "metadata.yaml").is_file() else file.with_suffix("")
+    with tempfile.TemporaryDirectory(prefix="subsoil-scene-") as folder:
+        yield RecordedRun(whole.with_name(f"{whole.name}_report"), file, read_scene(file, Path(folder)))
+
+
+def _folder_of_run(path: Path) -> Path | None:
+    """The folder of a run, given by itself, by its bag, or by the file in the bag."""
+    for folder in (path, *path.resolve().parents[:2]):
+        if (folder / "scene.yaml").is_file() and (folder == path or path.resolve() in _bags(folder)):
+            return folder
+    return None
+
+
+def _bags(run: Path) -> list[Path]:
+    return [run / "bag", *(run / "bag").glob("*.mcap")]
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -30,7 +92,7 @@ class Run:
     """
 
     scene: ResolvedScene
-    summary: dict[str, Any]
+    summary: Document
     folder: Path | None
     _recorded: Series | None
 
@@ -104,7 +166,7 @@ def _series(recorded: RecordedRun) -> Series:
     return read_series(recorded.bag, recorded.resolved.scene)
 
 
-def _summary(path: Path) -> dict[str, Any] | None:
+def _summary(path: Path) -> Document | None:
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:

@@ -1,28 +1,157 @@
-"""The frame of a run, in every mode: scene checked, bed prepared, folder made; then the run; then results."""
+"""The frame of a run, in every mode: scene checked, bed prepared, folder made; then the run; then results.
+
+`simulate` is the one wiring of engines, controller, bag and loop for a run without ROS.
+"""
 
 import shutil
 import time
 from collections.abc import Callable
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..analysis.known_mean import build_stop_rule
+from ..analysis.series import read_series, write_series_csv
+from ..analysis.summarize import summarize, summarize_unrecorded
 from ..analysis.summary import UnrecordedSummary
 from ..analysis.versions import versions
-from ..coupling.engines import MotionSource, Soil, build_motion_source, build_soil
+from ..coupling.control import Controller, build_controller
+from ..coupling.direct import RecordSink, run_direct
+from ..coupling.engines import Engines, MotionSource, Soil, build_motion_source, build_soil
+from ..coupling.external import ExternalSoil, Machine
 from ..coupling.observer import RunObserver, RunWatch
-from ..coupling.outside import Machine, OutsideSoil
 from ..coupling.run_settings import RunSettings
-from ..errors import InputError, SceneError, SubsoilError
+from ..errors import InputError, RecordingError, SceneError, SubsoilError
+from ..limits.stable_steps import Timing
 from ..loading.loader import ResolvedScene
-from .check import run_notes
-from .checkpoints import CHECKPOINTS, checkpoint_facts, find_checkpoint, name_checkpoint, note_resumption
-from .results import Reading, Working, write_results
-from .simulate import simulate
+from ..recording.bag_writer import open_bag
+from ..recording.checkpoint import Checkpoint
+from ..recording.joined import recover_earlier
+from ..recording.recovery import recover
+from ..yaml_document import Document
+from .check_scene import run_notes
+from .resume import CHECKPOINTS, checkpoint_facts, find_checkpoint, name_checkpoint, note_resumption
 
 if TYPE_CHECKING:
-    from .beds import BedProgress
+    from .prepare_bed import BedProgress
+
+
+def needed_controller(resolved: ResolvedScene, resumed: Checkpoint | None = None) -> Controller | None:
+    """The scene's controller; None if it names none.
+
+    Raises:
+        InputError: the controller is an external node, which needs a mode with nodes.
+    """
+    controller = build_controller(resolved, resumed)
+    if resolved.scene.controller is not None and controller is None:
+        raise InputError(
+            f"{resolved.path}: controller.law: 'external' is a node of its own, and a direct run has no "
+            "nodes; use `subsoil run --mode nodes` or composed, another law, or no controller"
+        )
+    return controller
+
+
+def simulate(
+    settings: RunSettings,
+    *,
+    motion_source: MotionSource | None = None,
+    soil: Soil | None = None,
+    controller: Controller | None = None,
+    sink: RecordSink | None = None,
+    observer: RunObserver | None = None,
+) -> None:
+    """Run a scene in this process, from tick 0 or a checkpoint to its last tick.
+
+    Args:
+        settings: the bag is closed whatever happens.
+        motion_source, soil, controller: replace those of the scene.
+        sink: takes the records where there is no bag.
+        observer: receives each tick and each check, and may end the run.
+
+    Raises:
+        InputError: as open_bag, or the scene needs an external controller.
+        InterruptedRunError: the observer ended the run.
+        RunError: an engine or the interface account failed. Every finished tick is recorded.
+    """
+    resolved, resumed = settings.resolved, settings.resumed
+    controller = controller or needed_controller(resolved, resumed)
+    writer = open_bag(settings.bag, resolved, settings.live_port) if settings.bag is not None else None
+    try:
+        engines = Engines(
+            resolved.scene,
+            motion_source or build_motion_source(resolved),
+            soil or build_soil(resolved, settings.threads),
+            controller,
+        )
+        checkpoint_writer = None
+        if settings.checkpoints is not None and engines.keeps_state:
+            checkpoint_writer = settings.checkpoint_writer(*(() if writer is None else (writer.sync,)))
+        run_direct(
+            settings,
+            engines,
+            writer or sink,
+            observer,
+            stop_rule=build_stop_rule(resolved, resumed),
+            checkpoint_writer=checkpoint_writer,
+        )
+    finally:
+        if writer is not None:
+            writer.close()
+
+
+Reading = Callable[[Timing], AbstractContextManager[Callable[[int], None]]]
+"""Shows that a bag is being read; yields a callback that takes the time [ns] of each message."""
+
+Working = Callable[[str], AbstractContextManager[object]]
+"""Shows that work of this name is in progress."""
+
+
+def write_results(
+    resolved: ResolvedScene,
+    out: Path,
+    run_info: Document,
+    failure: SubsoilError | None = None,
+    *,
+    reading: Reading = lambda timing: nullcontext(lambda time_ns: None),
+    working: Working = nullcontext,
+) -> UnrecordedSummary | None:
+    """Write series.csv and summary.json into the folder `out` of a run, from its bag.
+
+    run_info: facts that are not in the bag, fields of summary.RunFacts.
+
+    Returns:
+        The summary, of a recorded run a summary.Summary; None if the run failed before anything was recorded.
+
+    Raises:
+        RecordingError: the bag of a run that did not fail cannot be read, or the results not be written.
+    """
+    bag = out / "bag"
+    if failure is not None:
+        run_info = run_info | {"failure": str(failure)}
+    try:
+        if not resolved.scene.record.bag and not bag.is_dir():
+            unrecorded = summarize_unrecorded(resolved, run_info)
+            unrecorded.write(out / "summary.json")
+            return unrecorded
+        if failure is not None:
+            with working("looking after the bag"):
+                recover(bag)  # its writer may have been killed; a whole bag is left as it is
+        recover_earlier(out)
+        with reading(resolved.timing) as on_time:
+            series = read_series(bag, resolved.scene, on_time)
+        write_series_csv(series, out / "series.csv")
+        with working("reading the clouds"):
+            summary = summarize(bag, resolved, run_info, series)
+        summary.write(out / "summary.json")
+        return summary
+    except SubsoilError:
+        if failure is None:
+            raise
+    except OSError as error:
+        if failure is None:
+            raise RecordingError(f"{out}: the results cannot be written ({error.strerror})") from error
+    return None
 
 
 RUN_ID_DIGITS = 12
@@ -33,9 +162,9 @@ RUN_ID_DIGITS = 12
 class RunFrame:
     """A run in a folder of its own, from its start to its results.
 
-    out: its folder, with scene.yaml in it; motion_source: the mechanism, the paths or the machine from
-    outside, None if that joins over DDS; warnings: why newer checkpoints than the one it resumes from are
-    not used; soil: from outside, in this process.
+    out: its folder, with scene.yaml in it; motion_source: the mechanism, the paths or the external
+    machine, None if that joins over DDS; warnings: why newer checkpoints than the one it resumes from are
+    not used; soil: external, in this process.
     """
 
     settings: RunSettings
@@ -106,7 +235,7 @@ def open_run(
     shown: str | None = None,
     bed_progress: "BedProgress | None" = None,
     machine: Machine | None = None,
-    soil: OutsideSoil | None = None,
+    soil: ExternalSoil | None = None,
 ) -> RunFrame:
     """Check that the scene can be run, prepare its bed, and make the folder `out`.
 
@@ -114,7 +243,7 @@ def open_run(
         settings: run_id, bag, checkpoints and resumed are set here.
         resume: folder of an earlier run of the scene, to go on from.
         shown: the scene as the user named it, for messages.
-        machine, soil: from outside, in this process.
+        machine, soil: external, in this process.
         bed_progress: shows the preparation of a bed that takes long.
 
     Raises:
@@ -125,7 +254,7 @@ def open_run(
     try:
         joins = resolved.scene.external_machine and machine is None
         motion_source = None if joins else build_motion_source(resolved, machine)
-        outside = build_soil(resolved, settings.threads, soil) if soil is not None else None
+        external = build_soil(resolved, settings.threads, soil) if soil is not None else None
         _prepare_soil(resolved, settings.threads, bed_progress)
     except SceneError as error:
         raise SceneError(f"{shown or resolved.path}: {error}") from error
@@ -137,7 +266,7 @@ def open_run(
         checkpoints=out / CHECKPOINTS,
         resumed=resumed,
     )
-    frame = RunFrame(settings, out, motion_source, tuple(warnings), outside)
+    frame = RunFrame(settings, out, motion_source, tuple(warnings), external)
     resolved.write(frame.scene)
     if resumed is not None and resume is not None:
         note_resumption(resumed, resume, resolved, out)
@@ -153,7 +282,7 @@ def _prepare_soil(resolved: ResolvedScene, threads: int, progress: "BedProgress 
     if resolved.scene.particle_soil is None:
         return  # without particles none of their code is imported
     from ..dem.packing.start import check_start
-    from .beds import prepare_bed_first
+    from .prepare_bed import prepare_bed_first
 
     if resolved.scene.particle_soil.device == "gpu":
         from ..dem.gpu.device import refuse_without_gpu

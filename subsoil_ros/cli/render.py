@@ -12,7 +12,7 @@ from ..figures import VIEWS
 from ._shared.arguments import RECORD_HELP
 
 if TYPE_CHECKING:
-    from ..api.recorded_run import RecordedRun
+    from ..api.read import RecordedRun
     from ..figures.snapshots import Snapshots
 
 SMALLEST_PIXELS, LARGEST_PIXELS = 64, 7680
@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
     """
     _check(args)
     require("drawing", "imageio", "imageio_ffmpeg", "matplotlib", "pyvista", "vtkmodules")
-    from ..api.recorded_run import recorded_run
+    from ..api.read import recorded_run
 
     with recorded_run(args.record) as recorded:
         return _render(args, recorded)

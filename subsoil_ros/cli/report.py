@@ -13,7 +13,7 @@ from ._shared.arguments import RECORD_HELP
 
 if TYPE_CHECKING:
     from ..analysis.run_statistics import RunStatistics
-    from ..api.recorded_run import RecordedRun
+    from ..api.read import RecordedRun
     from ..yaml_document import Document
 
 
@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
     require("drawing", "matplotlib")
     if args.html:
         require("--html", "jinja2", "plotly")
-    from ..api.recorded_run import recorded_run
+    from ..api.read import recorded_run
 
     with recorded_run(args.record) as recorded:
         return _report(recorded, args.html)
@@ -106,7 +106,7 @@ def _write_tables(statistics: RunStatistics, directory: Path) -> None:
 def _known_facts(directory: Path) -> Document:
     """Facts that are not in the bag: from the run's summary, or, under ros2 launch, from its folder."""
     from ..analysis.summary import run_facts
-    from ..api.checkpoints import checkpoint_facts
+    from ..api.resume import checkpoint_facts
 
     facts = checkpoint_facts(directory, None)
     try:

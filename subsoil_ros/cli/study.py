@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _list(args: argparse.Namespace, design: "StudyDesign", console: Console) -> None:
     """Every preset with its particles and steps."""
-    from ..api.check import start_count
+    from ..api.check_scene import start_count
     from ..experiments.study.run_study import study_jobs
     from ._shared.output import table
 

@@ -4,7 +4,7 @@ import functools
 from collections.abc import Set
 from typing import get_args
 
-from ..outside_laws import outside_laws
+from ..installed_laws import installed_laws
 from .base import ContactLaw, Features
 from .cohesive_linear.law import CohesiveLinearLaw
 from .elasto_plastic_adhesive.law import ElastoPlasticAdhesiveLaw
@@ -36,7 +36,7 @@ def _outside() -> dict[str, type[ContactLaw] | str]:
     """Each outside law, or why it cannot be used: a broken one must not stop scenes that do not name it."""
     found: dict[str, type[ContactLaw] | str] = {}
     taken = {name for law in BUILT_IN.values() for name in _compiled_names(law)}
-    for kind, entry in outside_laws().items():
+    for kind, entry in installed_laws().items():
         try:
             law = entry.load()
         except Exception as error:

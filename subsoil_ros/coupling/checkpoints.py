@@ -5,10 +5,9 @@ the coupling: the last motions and wrenches, which tick k+1 begins with, and the
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 from ..errors import InputError
 from ..loading.loader import ResolvedScene
@@ -24,17 +23,36 @@ from ..recording.checkpoint import (
 )
 from ..scene.scene import Scene
 from ..ticks import INITIAL_TICK, tick_end_s
+from ..yaml_document import Document
 from .energy_account import InterfaceWork
-from .engines import Resumable, mover_part
+from .engines import Resumable, motion_source_part
 from .protocol import SOIL
-from .stopping import StopState
 
 COUPLING = "coupling"
 
 
 def part_names(scene: Scene) -> tuple[str, ...]:
     """Names of the parts of a checkpoint of the scene, without that of the coupling."""
-    return (mover_part(scene), SOIL) if scene.soil is not None else (mover_part(scene),)
+    return (motion_source_part(scene), SOIL) if scene.soil is not None else (motion_source_part(scene),)
+
+
+@dataclass(frozen=True, slots=True)
+class StopState:
+    """All that later checks depend on: the means of the bins that are full, and the bin that is not."""
+
+    means: tuple[float, ...] = ()  # of the metric, one a bin
+    total: float = 0.0  # of the metric over the ticks of the bin that is not full
+    count: int = 0  # ticks in that bin
+    started: bool = False  # the metrics window has begun
+    ended: bool = False  # it is over
+    start_m: float | None = None  # tip at the end of the first tick; None: before it
+    travel_m: float = 0.0  # of the tip since then
+    stops: bool = False  # a check has ended the run
+
+    @classmethod
+    def of(cls, document: Document) -> "StopState":
+        """The state in a checkpoint."""
+        return cls(**{**document, "means": tuple(document["means"])})
 
 
 @dataclass(frozen=True)
@@ -48,7 +66,7 @@ class CouplingState:
     wall_time_s: float = 0.0  # since tick 0, earlier runs included
     stopping: StopState | None = None  # of a scene with stop_when
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Document:
         """The state as JSON, from which every number is read back bit for bit; without the wall time."""
         document = {
             "motions": [asdict(motion) for motion in self.motions],
@@ -73,11 +91,11 @@ class CouplingState:
         )
 
 
-def _motion(document: Mapping[str, Any]) -> ToolMotion:
+def _motion(document: Document) -> ToolMotion:
     return SpatialMotion(**document) if math.isnan(document["angle_rad"]) else ToolMotion(**document)
 
 
-def _wrench(document: Mapping[str, Any]) -> ToolWrench:
+def _wrench(document: Document) -> ToolWrench:
     groups = tuple(FacetGroupForce(**group) for group in document["groups"])
     return ToolWrench(**{**document, "groups": groups})
 

@@ -3,7 +3,7 @@
 from typing import Protocol
 
 from ..loading.loader import ResolvedScene
-from ..mbd.driving import Ramp
+from ..mbd.driving import Ramp, first_ramp
 from ..messages import DriverCommand, MechanismState
 from ..recording.checkpoint import Checkpoint
 from ..scene.controller import Controller as ControllerKeys
@@ -51,8 +51,8 @@ def build_controller(resolved: ResolvedScene, resumed: Checkpoint | None = None)
     scene = resolved.scene
     if scene.controller is None or scene.mechanism is None or isinstance(scene.controller.law, External):
         return None
-    speed = scene.mechanism.joints[scene.controller.driver].speed.value  # type: ignore[union-attr]
+    ramp = first_ramp(scene)
     if resumed is not None:
-        speed = Ramp(*resumed.read_part(MECHANISM)["ramp"].tolist()).end_speed
+        ramp = Ramp(*resumed.read_part(MECHANISM)["ramp"].tolist())
     interval_s = scene.controller.interval_ticks * resolved.timing.communication_step_s
-    return SpeedController(scene.controller, speed, interval_s)
+    return SpeedController(scene.controller, ramp.end_speed, interval_s)

@@ -2,25 +2,24 @@
 
 import time
 from collections.abc import Iterator
-from typing import Any, Protocol
+from typing import Protocol
 
-from ..messages import Command, Grant, MechanismState, ToolMotions, ToolWrenches
+from ..messages import Command, Grant, MechanismState, RunRecord, ToolMotions, ToolWrenches
+from ..recording.soil_clouds import recorded_cloud
 from ..ticks import INITIAL_TICK, tick_end_ns
 from .checkpoints import CheckpointWriter, CouplingState, restore_engine
-from .cloud import recorded_cloud
 from .energy_account import InterfaceWork
 from .engines import Engines, soil_state
 from .exit_status import interrupted
 from .observer import RunObserver
 from .run_settings import RunSettings
-from .stopping import StopRule
-from .tick_rules import TickRules
+from .tick_rules import StopRule, TickRules
 
 
 class RecordSink(Protocol):
     """Receives the records of a run, tick by tick."""
 
-    def write(self, record: Any) -> None:
+    def write(self, record: RunRecord) -> None:
         """Write one record."""
         ...
 
@@ -106,7 +105,7 @@ def run_direct(
             checkpoint_writer.note_end(rules.state.tick, part, engine)
 
 
-def _forget(record: Any) -> None:
+def _forget(record: RunRecord) -> None:
     """Do nothing: replaces a sink where nothing is recorded."""
 
 
@@ -116,7 +115,7 @@ def _keep(engines: Engines, checkpoint_writer: CheckpointWriter, tick: int) -> N
         checkpoint_writer.keep(tick, part, engine)
 
 
-def _initial_records(run_id: str, rules: TickRules, engines: Engines) -> Iterator[Any]:
+def _initial_records(run_id: str, rules: TickRules, engines: Engines) -> Iterator[RunRecord]:
     """Records of the state before tick 0."""
     state, soil, mechanism = rules.state, engines.soil, engines.mechanism
     yield ToolMotions(run_id, INITIAL_TICK, 0, state.motions)

@@ -1,15 +1,13 @@
 """The engines of a scene: the motion source, which moves the tools, and the soil."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, cast, runtime_checkable
-
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Protocol, cast, runtime_checkable
 
 from ..loading.loader import ResolvedScene
 from ..messages import DriverCommand, MechanismState, SoilCloud, SoilState, ToolMotion, ToolWrench
+from ..recording.checkpoint import Arrays
 from ..scene.scene import Scene
-from .outside import Machine, OutsideMachine, OutsideSoil, OutsideSoilEngine
+from .external import ExternalMachineEngine, ExternalSoil, ExternalSoilEngine, Machine
 from .protocol import MECHANISM, SOIL
 
 if TYPE_CHECKING:
@@ -27,11 +25,11 @@ class Resumable(Protocol):
         """Whether it does; without, a run has no checkpoints."""
         ...
 
-    def state_arrays(self) -> dict[str, NDArray[Any]]:
+    def state_arrays(self) -> Arrays:
         """All that later ticks depend on, by name; not copied, so to be used before the next tick."""
         ...
 
-    def restore(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+    def restore(self, arrays: Arrays) -> None:
         """Restore such a state, in place of the start, in an engine just built. It may keep the arrays.
 
         Raises:
@@ -104,7 +102,7 @@ def soil_state(soil: Soil, run_id: str, tick: int, end_time_ns: int) -> SoilStat
     return SoilState(run_id, tick, end_time_ns)
 
 
-def mover_part(scene: Scene) -> str:
+def motion_source_part(scene: Scene) -> str:
     """Name of the motion source, as of its part of a checkpoint."""
     return MECHANISM if scene.moved_by_participant else PATHS
 
@@ -132,7 +130,7 @@ class Engines:
     def parts(self) -> dict[str, Resumable]:
         """The engines by the names of their parts of a checkpoint."""
         soil: dict[str, Resumable] = {SOIL: self.soil} if self.soil is not None else {}
-        return {mover_part(self.scene): self.motion_source, **soil}
+        return {motion_source_part(self.scene): self.motion_source, **soil}
 
     @property
     def keeps_state(self) -> bool:
@@ -144,31 +142,31 @@ def build_mechanism(resolved: ResolvedScene) -> Mechanism | None:
     """The scene's mechanism, assembled; None if it has none. Only the engine in use is imported."""
     if resolved.scene.mechanism is None:
         return None
-    from ..mbd.engine import MechanismEngine
+    from ..mbd.mechanism_engine import MechanismEngine
 
     return MechanismEngine(resolved.scene, resolved.timing)
 
 
 def build_paths(resolved: ResolvedScene) -> MotionSource:
     """The motion source of a scene without mechanism."""
-    from ..mbd.path import PathEngine
+    from ..mbd.tool_paths import PathEngine
 
     return PathEngine(resolved.scene, resolved.timing)
 
 
 def build_motion_source(resolved: ResolvedScene, machine: Machine | None = None) -> MotionSource:
-    """The scene's mechanism, the machine from outside, or the paths of its tools.
+    """The scene's mechanism, the external machine, or the paths of its tools.
 
     Raises:
-        InputError: the scene takes its machine from outside, and none is given or it cannot be used.
+        InputError: the scene has an external machine, and none is given or it cannot be used.
     """
     if resolved.scene.external_machine:
-        return OutsideMachine(resolved, machine)
+        return ExternalMachineEngine(resolved, machine)
     return build_mechanism(resolved) or build_paths(resolved)
 
 
-def build_soil(resolved: ResolvedScene, threads: int, soil: OutsideSoil | None = None) -> Soil | None:
-    """The scene's soil, or that from outside; None if it has none. Only the model in use is imported.
+def build_soil(resolved: ResolvedScene, threads: int, soil: ExternalSoil | None = None) -> Soil | None:
+    """The scene's soil, or the external one; None if it has none. Only the model in use is imported.
 
     Raises:
         InputError: as build_motion_source.
@@ -176,9 +174,9 @@ def build_soil(resolved: ResolvedScene, threads: int, soil: OutsideSoil | None =
     if resolved.scene.soil is None:
         return None
     if resolved.scene.external_soil:
-        return OutsideSoilEngine(resolved, soil)
+        return ExternalSoilEngine(resolved, soil)
     if resolved.scene.wedge_soil is not None:
-        from ..wedge.engine import WedgeEngine
+        from ..wedge.wedge_engine import WedgeEngine
 
         return WedgeEngine(resolved)
     from ..dem.build import build_engine

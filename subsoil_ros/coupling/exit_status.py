@@ -1,15 +1,15 @@
-"""How a run ended: exit status and reason."""
+"""How a run ends: exit status and reason, and the signals that end it in order."""
 
+import os
 import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 from ..errors import InterruptedRunError, RunError
 
 SIGNAL_STATUS = 128
 """A run ended by a signal has the exit status a shell gives it: this plus the signal's number."""
-
-KEEP_S = 5.0
-"""Time for a run that is interrupted to write a checkpoint; 130,000 particles take about 1 s."""
 
 
 @dataclass(frozen=True)
@@ -33,3 +33,33 @@ def interrupted(signal_number: int) -> ExitStatus:
         reason = "ended by SIGHUP: the terminal was closed; nohup keeps a run going"
         return ExitStatus(RunError.exit_status, reason)
     return ExitStatus(SIGNAL_STATUS + signal_number, f"ended by {signal.Signals(signal_number).name}")
+
+
+STANDARD_STREAMS = (0, 1, 2)
+
+
+@contextmanager
+def caught_signals(handle: Callable[[int], None]) -> Iterator[None]:
+    """Pass SIGINT, SIGTERM and SIGHUP to `handle`, the last one unless it is ignored (nohup).
+
+    After SIGHUP, output to the terminal is discarded instead of raising errors, so that the run can still end
+    in order.
+    """
+    of_terminal = [stream for stream in STANDARD_STREAMS if os.isatty(stream)]
+
+    def caught(number: int, _: object) -> None:
+        if number == signal.SIGHUP:
+            nowhere = os.open(os.devnull, os.O_RDWR)
+            for stream in of_terminal:
+                os.dup2(nowhere, stream)
+        handle(number)
+
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
+        numbers.append(signal.SIGHUP)
+    before = [signal.signal(number, caught) for number in numbers]
+    try:
+        yield
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)

@@ -1,7 +1,8 @@
 """Interface of what observes a run: its progress, its checks, and the request to end it."""
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
+
+from ..yaml_document import Document
 
 
 class RunObserver:
@@ -10,7 +11,7 @@ class RunObserver:
     def on_tick(self, tick: int) -> None:
         """Note that `tick` is done and written."""
 
-    def on_check(self, result: Mapping[str, Any]) -> None:
+    def on_check(self, result: Document) -> None:
         """Note the result of `stop_when` at a check and at the end, in the form of summary.json."""
 
     def stop_signal(self) -> int:
@@ -26,7 +27,7 @@ class RunWatch(RunObserver):
 
     def __init__(self, show: Callable[[int], None] = lambda tick: None) -> None:
         self.started = False
-        self.stop_when: dict[str, Any] = {}
+        self.stop_when: Document = {}
         self.signals: list[int] = []
         self.show = show
 
@@ -35,7 +36,7 @@ class RunWatch(RunObserver):
         self.started = True
         self.show(tick)
 
-    def on_check(self, result: Mapping[str, Any]) -> None:
+    def on_check(self, result: Document) -> None:
         """Keep the result."""
         self.stop_when = dict(result)
 

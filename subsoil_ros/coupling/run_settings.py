@@ -9,11 +9,12 @@ from ..recording.checkpoint import Checkpoint
 from ..schedule import Schedule
 from .checkpoints import CheckpointWriter
 from .protocol import RECORDER, participants
+from .run_options import RunOptions
 
 
 @dataclass(frozen=True)
-class RunSettings:
-    """Settings of one run, the same for all of its nodes."""
+class RunSettings(RunOptions):
+    """Settings of one run, its options among them, the same for all of its nodes."""
 
     resolved: ResolvedScene
     run_id: str = "run"
@@ -21,8 +22,6 @@ class RunSettings:
     checkpoints: Path | None = None  # folder for them; None: none are written
     resumed: Checkpoint | None = None  # to continue from; None: start at tick 0
     recorded: bool = True  # whether the nodes of the run have a recorder among them
-    threads: int = 1  # of the soil engine; results do not depend on it
-    paused: bool = False  # the coupler grants no tick before it is asked to
     live_port: int = 0  # of a live view of the bag while it is written; 0: there is none
     supervised: bool = False  # a supervisor holds the standard input of every node
 

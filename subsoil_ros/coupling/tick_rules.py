@@ -2,15 +2,34 @@
 
 from collections import deque
 from dataclasses import replace
+from typing import Protocol
 
 from ..errors import InputError
 from ..messages import CouplingReport, ToolMotion, ToolWrench
 from ..ticks import INITIAL_TICK
-from .checkpoints import CheckpointWriter, CouplingState
+from ..yaml_document import Document
+from .checkpoints import CheckpointWriter, CouplingState, StopState
 from .energy_account import account_of
 from .observer import RunObserver
 from .run_settings import RunSettings
-from .stopping import StopRule
+
+
+class StopRule(Protocol):
+    """Observes the exchange of every tick, and decides at check ticks whether the run ends."""
+
+    state: StopState
+
+    def add(self, tick: int, motions: tuple[ToolMotion, ...], wrenches: tuple[ToolWrench, ...]) -> None:
+        """Add the exchange of `tick`."""
+        ...
+
+    def check(self) -> bool:
+        """Decide from the ticks added whether the run ends with the next tick."""
+        ...
+
+    def result(self) -> Document:
+        """Present result for the mean, in the form of `run.stop_when` of summary.json."""
+        ...
 
 
 class TickRules:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..loading.loader import ResolvedScene
-from ..recording.height_map import soil_span_m
+from ..recording.soil_clouds import soil_span_m
 from .machine_shapes import Segments, Shapes, Surface
 from .snapshots import Frame, Snapshots
 from .soil_cut import SPEED_SCALE_M_PER_S

@@ -11,7 +11,7 @@ from plotly.basedatatypes import BaseTraceType
 
 from ..errors import RecordingError
 from ..loading.loader import ResolvedScene
-from ..recording.height_map import soil_span_m
+from ..recording.soil_clouds import soil_span_m
 from ..yaml_document import Document
 from .interactive_plots import NUMBER_BYTES
 from .machine_shapes import Segments, Shapes

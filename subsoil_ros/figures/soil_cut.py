@@ -13,8 +13,8 @@ from scipy.spatial import ConvexHull
 
 from ..loading.loader import ResolvedScene
 from ..messages import SoilCloud, ToolMotion, ToolMotions
-from ..recording.height_map import soil_span_m
 from ..recording.joined import open_record
+from ..recording.soil_clouds import soil_span_m
 from ..scene.soil import Soil
 from ..scene.tool_mesh import ToolMesh, load_tool_mesh, posed_vertices_m, reference_angle
 from .plotting import new_figure, save_figure

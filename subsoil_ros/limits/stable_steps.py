@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 from ..errors import SceneError
 from ..scene.pair_laws import boundary_values, layer_soils, particle_values, sphere_mass_kg
@@ -258,12 +259,12 @@ class Timing:
     soil_steps: int  # per tick; 0 without soil
     mechanism_steps: int  # per tick; 0 without mechanism
 
-    @property
+    @cached_property
     def communication_step_s(self) -> float:
         """Length of a tick [s]."""
         return self.communication_step_ns * 1e-9
 
-    @property
+    @cached_property
     def soil_step_s(self) -> float:
         """Length of a soil step [s]."""
         return self.communication_step_ns * 1e-9 / self.soil_steps

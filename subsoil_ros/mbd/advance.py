@@ -6,21 +6,17 @@ the instant of the first switch is located, the step ends there, and the rest be
 
 import numpy as np
 
-from .compiled import NO, YES, inner_kernel, kernel, part_of_kernel
+from .accuracy import MOST_HALVINGS, SPARE, halvings_for, keep_balance, keep_guess, step_error
 from .dynamics import complete
-from .energy_balance import keep_balance
 from .events import differs, locate_switch
+from .explicit_integrators import guess_multistep, guess_runge_kutta, multistep_power
 from .forces.evaluation import evaluate_forces, evaluate_modes, held_in, move_anchors, report_forces
+from .generalized_alpha import keep_auxiliary, step_generalized_alpha
 from .geometry import evaluate_turns
-from .integrators.adams_moulton import guess_multistep, multistep_power
-from .integrators.generalized_alpha import keep_auxiliary, step_generalized_alpha
-from .integrators.runge_kutta import guess_runge_kutta
 from .joints.constraints import evaluate_residual
+from .kernel_options import NO, YES, inner_kernel, kernel, part_of_kernel
 from .linear import copy
-from .partition import choose_partition, condition_estimate
-from .singular_poses import MOST_NEAR, complete_near, count_near, is_near
-from .step_error import MOST_HALVINGS, SPARE, halvings_for, keep_guess, step_error
-from .tables import (
+from .machine_arrays import (
     ADAMS_MOULTON,
     BY_LOADS,
     BY_WRENCHES,
@@ -41,6 +37,8 @@ from .tables import (
     SINGULAR,
     UNBALANCED,
 )
+from .partition import choose_partition, condition_estimate
+from .singular_poses import MOST_NEAR, complete_near, count_near, is_near
 
 PATIENCE = 4
 """Iterations of the position Newton after which the partition, nearly singular, is chosen anew."""

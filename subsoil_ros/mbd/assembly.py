@@ -8,14 +8,14 @@ import numpy as np
 
 from ..errors import SceneError
 from ..scene.mechanism import Driver, Mechanism
-from .build import Machine, build_machine
 from .equilibrium import settle
-from .forces.table import FRICTIONS
+from .forces.force_table import FRICTIONS
+from .function_tables import function_value
 from .geometry import turns_of
 from .joints.constraints import evaluate_gamma, evaluate_residual, evaluate_speed
-from .joints.table import DRIVER, RELATIVE_DRIVER
+from .joints.rows import DRIVER, RELATIVE_DRIVER
+from .machine import Machine, build_machine
 from .projection import RANK_TOLERANCE, Closure, scaled_mass
-from .time_functions import function_value
 
 CONTRADICTION = 1e-9
 """Part of the largest entry by which Phi_q q' = -Phi_t may fail before constraints contradict."""
@@ -299,3 +299,20 @@ def _guessed_velocities(machine: Machine, mechanism: Mechanism) -> tuple[np.ndar
         guess += [*(common if velocity is None else velocity), 0.0 if spin is None else spin]
         given += [velocity is not None, velocity is not None, spin is not None]
     return np.array(guess, dtype=np.float64), np.array(given)
+
+
+@dataclass(frozen=True)
+class Topology:
+    """Counts of a machine in its initial pose."""
+
+    coordinate_count: int
+    constraint_count: int  # all rows, drivers included
+    freedom_count: int  # coordinates less independent constraints
+    redundant_count: int  # constraints that repeat others
+    redundant_joints: tuple[str, ...]  # their reactions are not unique
+
+    @classmethod
+    def of(cls, start: Start) -> "Topology":
+        """Counts of an assembled machine."""
+        coordinates, rows = len(start.machine.model.mass), len(start.machine.row_joint)
+        return cls(coordinates, rows, coordinates - start.rank, rows - start.rank, start.redundant)

@@ -10,8 +10,9 @@ from ..errors import PhysicsError, ProtocolError, SceneError
 from ..messages import DriverCommand
 from ..scene.controller import Controller
 from ..scene.mechanism import Driver, Mechanism
-from ..scene.time_laws import HalfSineLaw, Law, PolynomialLaw, RampLaw, SineLaw, SumLaw, TableLaw
-from .time_functions import FunctionTable
+from ..scene.scene import Scene
+from ..scene.time_laws import ConstantLaw, HalfSineLaw, Law, PolynomialLaw, RampLaw, SineLaw, SumLaw, TableLaw
+from .function_tables import FunctionTable
 
 ROUND_OFF = 1e-9
 """Part by which a command may exceed the largest acceleration, because speeds are rounded."""
@@ -31,6 +32,17 @@ class Ramp:
         """Distance since time 0 [m]."""
         span = time_s - self.start_s
         return self.distance + span * (self.speed + 0.5 * span * self.acceleration)
+
+
+def first_ramp(scene: Scene) -> Ramp:
+    """The motion of the driver that the scene's controller commands, before its first command."""
+    assert scene.mechanism is not None
+    assert scene.controller is not None
+    driver = scene.mechanism.joints[scene.controller.driver]
+    assert isinstance(driver, Driver)
+    assert isinstance(driver.speed, ConstantLaw)
+    speed = float(driver.speed.value)
+    return Ramp(0.0, speed, 0.0, speed, 0.0)
 
 
 def next_ramp(

@@ -7,10 +7,10 @@ import numpy as np
 
 from ..errors import SceneError
 from .forces.evaluation import evaluate_forces, held_at, report_forces
-from .forces.table import FRICTIONS, POINT_LOAD
+from .forces.force_table import FRICTIONS, POINT_LOAD
 from .geometry import turns_of
+from .machine_arrays import Model
 from .projection import RANK_TOLERANCE, Closure, scaled_mass
-from .tables import Model
 
 RESIDUAL = 1e-10
 """Largest force along the freedoms at rest, as a part of all forces."""

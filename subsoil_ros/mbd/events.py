@@ -1,8 +1,8 @@
 """Location of the instant inside a step at which a force leaves its mode (forces/evaluation.py)."""
 
-from .compiled import inner_kernel
 from .forces.evaluation import evaluate_modes, held_in
 from .geometry import evaluate_turns
+from .kernel_options import inner_kernel
 
 NEAREST = 1e-12
 """Width of the bracket around the instant at its end, as a part of the step."""

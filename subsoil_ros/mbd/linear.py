@@ -1,6 +1,6 @@
 """Linear algebra for the band matrices of a machine. Arrays float64, C order."""
 
-from .compiled import inner_kernel
+from .kernel_options import inner_kernel
 
 
 @inner_kernel

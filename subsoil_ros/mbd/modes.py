@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .build import Machine
 from .forces.elastic import engaged_mode
 from .forces.evaluation import Held, evaluate_forces, held_at
-from .forces.table import WHEEL_CONTACT
+from .forces.force_table import WHEEL_CONTACT
 from .forces.wheel_contact import PRESSED
 from .geometry import turns_of
+from .machine import Machine
 from .projection import RANK_TOLERANCE, Closure, scaled_mass
 
 RIGID = 1e-5

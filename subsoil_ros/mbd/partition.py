@@ -1,13 +1,13 @@
 """Generalized coordinate partitioning: independent and dependent coordinates (paper eq. 9, 10).
 
-Coordinates are scaled (tables.py), so that pivots, residuals and condition are comparable.
+Coordinates are scaled (machine_arrays.py), so that pivots, residuals and condition are comparable.
 """
 
-from .compiled import inner_kernel
 from .geometry import evaluate_turns
 from .joints.constraints import evaluate_jacobian, evaluate_residual, evaluate_speed
+from .kernel_options import inner_kernel
 from .linear import copy, inverse_norm, lu_factor, lu_solve, pivot_fully, pivot_ratio
-from .tables import DOUBTFUL, NOT_CLOSED, OK, PARTITION_COUNT, SINGULAR
+from .machine_arrays import DOUBTFUL, NOT_CLOSED, OK, PARTITION_COUNT, SINGULAR
 
 CLOSURE = 1e-14
 """Largest residual of closed positions, as a part of the machine's size. 1e-12 would be enough for the

@@ -4,10 +4,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .build import Machine
 from .geometry import turns_of
 from .joints.constraints import evaluate_jacobian, evaluate_residual
-from .joints.table import DRIVER
+from .joints.rows import DRIVER
+from .machine import Machine
 
 TOLERANCE = 1e-13
 """Largest residual of closed positions, as a part of the machine's size, if round-off allows it."""

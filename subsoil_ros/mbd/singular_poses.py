@@ -9,14 +9,13 @@ direction that they hold by less than the root of YIELDING is left to the integr
 Source: Bayo, Garcia de Jalon and Serna 1988; the change is one step of their augmented Lagrangian.
 """
 
-from .compiled import inner_kernel
-from .dynamics import accelerate
+from .dynamics import accelerate, factor_whole
 from .geometry import evaluate_turns
 from .joints.constraints import evaluate_jacobian, evaluate_residual, evaluate_speed
-from .kkt import factor_whole
+from .kernel_options import inner_kernel
 from .linear import lu_solve, pivot_ratio
+from .machine_arrays import NEAR_COUNT, NOT_CLOSED, SINGULAR
 from .partition import NEAR, factor_dependent
-from .tables import NEAR_COUNT, NOT_CLOSED, SINGULAR
 
 YIELDING = 1e-7
 """Square of the singular value (rows of length one, coordinates by the roots of their masses) below which

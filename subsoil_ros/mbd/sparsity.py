@@ -10,7 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from .joints import kind_of
-from .tables import Sparsity
+from .machine_arrays import Sparsity
 
 
 def sparsity_of(joints: np.ndarray, body_count: int) -> Sparsity:

@@ -1,4 +1,4 @@
-"""Largest stable step of the explicit integrators, from the modes of a machine.
+"""Largest stable step of the explicit integrators, from the modes of a machine, and steps tried on it.
 
 A method is applied to one mode y'' = -(w^2) y - 2 zeta w y' exactly as advance.py applies it to a machine;
 the spectral radius of its one-step map is the growth of the mode in one step.
@@ -9,11 +9,46 @@ import math
 import numpy as np
 
 from ..errors import SceneError
-from .advice import USUAL_TOLERANCE, in_parts, passes
+from ..scene.mechanism import Mechanism
+from .advance import advance_tick
 from .assembly import Start
-from .integrators.adams_moulton import CORRECT_Q, CORRECT_V, PREDICT_Q, PREDICT_V
+from .explicit_integrators import CORRECT_Q, CORRECT_V, PREDICT_Q, PREDICT_V
+from .machine_arrays import (
+    ADAMS_MOULTON,
+    GENERALIZED_ALPHA,
+    OK,
+    PAST_COUNT,
+    Model,
+    State,
+    make_state,
+    make_workspace,
+)
 from .modes import Mode, linearise, modes_of
-from .tables import ADAMS_MOULTON, GENERALIZED_ALPHA, Model, make_state
+
+USUAL_TOLERANCE: float = Mechanism.model_fields["tolerance"].default
+
+
+def copied(state: State) -> State:
+    """Return a copy of a state, arrays included."""
+    return State(*(array.copy() for array in state))
+
+
+def passes(model: Model, state: State, start: float, steps: int) -> bool:
+    """Whether `steps` steps from the time `start` [s] can be taken with this model; `state` is left alone."""
+    trial = copied(state)
+    trial.counters[PAST_COUNT] = 0
+    work = make_workspace(len(model.mass), len(model.row_scale), len(trial.rows), len(model.forces))
+    trial.balance[:] = 0.0  # of this stretch alone
+    status = advance_tick(model, trial, work, start, 0)
+    if int(status) == OK:
+        status = advance_tick(model, trial, work, start, steps)
+    return int(status) == OK and bool(np.isfinite(trial.q).all())
+
+
+def in_parts(model: Model) -> Model:
+    """Return the model with steps in parts: the integrator and tolerance that a scene has by default."""
+    return model._replace(integrator=ADAMS_MOULTON, tolerance=USUAL_TOLERANCE)
+
 
 LARGEST_GROWTH = 1.0 + 5e-8
 """Largest growth in one step of a mode that should decay or keep its size: 1 % of its energy in 1e5 steps.
@@ -88,7 +123,7 @@ def stable_step(model: Model, mode: Mode) -> float:
 def refuse_unstable_step(start: Start, interval_s: float) -> None:
     """Raise SceneError if the step is above the bound for a mode of the start, all one-sided forces acting.
 
-    With a tolerance no check is needed: it keeps steps below the bound (step_error.py).
+    With a tolerance no check is needed: it keeps steps below the bound (accuracy.py).
     """
     machine, model = start.machine, start.machine.model
     if model.integrator == GENERALIZED_ALPHA or len(model.forces) == 0 or math.isfinite(model.tolerance):

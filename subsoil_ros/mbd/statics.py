@@ -8,15 +8,14 @@ import numpy as np
 from ..errors import SceneError
 from ..messages import BodyState, ForceState, JointReaction
 from ..scene.mechanism import Mechanism
-from .assembly import MovedBodiesWarning, RedundantConstraintsWarning, Start, assemble
-from .diagnostics import locked_forces, reactions_at
+from .assembly import MovedBodiesWarning, RedundantConstraintsWarning, Start, Topology, assemble
 from .equilibrium import settle
 from .forces.evaluation import evaluate_forces, held_at, report_forces
-from .forces.table import POINT_LOAD
+from .forces.force_table import POINT_LOAD
 from .geometry import turns_of
+from .machine_state import locked_forces, reactions_at
 from .modes import Mode, linearise, modes_of
 from .projection import RANK_TOLERANCE, Closure
-from .topology import Topology
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,11 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from mcap.writer import CompressionType, Writer
 
 from ..errors import InputError, RecordingError
-from ..yaml_document import dump_yaml
+from ..yaml_document import Document, dump_yaml
 
 CHUNK_BYTES = 128 * 1024
 """Size of a chunk before compression; a killed writer loses at most the one being filled."""
@@ -36,7 +35,7 @@ class TopicInfo:
     message_type: str  # "geometry_msgs/msg/Pose"
     schema: str  # full ros2msg text
     type_hash: str  # RIHS01
-    qos_profiles: list[dict[str, Any]]
+    qos_profiles: list[Document]
 
 
 @dataclass
@@ -166,11 +165,11 @@ class BagFolder:
             f"`subsoil bag recover {self.directory}`"
         )
 
-    def _information(self) -> dict[str, Any]:
+    def _information(self) -> Document:
         """rosbag2's metadata, version 9."""
         start_ns, end_ns = self._times_ns or (0, 0)
         message_count = sum(channel.message_count for channel in self._channels.values())
-        span: dict[str, Any] = {
+        span: Document = {
             "starting_time": {"nanoseconds_since_epoch": start_ns},
             "duration": {"nanoseconds": end_ns - start_ns},
             "message_count": message_count,

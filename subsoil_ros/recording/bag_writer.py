@@ -12,6 +12,7 @@ from ..messages import (
     CouplingReport,
     Grant,
     MechanismState,
+    RunRecord,
     SoilCloud,
     SoilState,
     ToolMotions,
@@ -22,13 +23,11 @@ from ..scene.scene import Scene
 from ..schedule import Schedule
 from ..ticks import INITIAL_TICK, tick_end_ns
 from .bag_folder import BagFolder, TopicInfo
-from .bag_scene import scene_attachments, scene_notes
-from .description import latched_messages
-from .height_map import height_map
-from .live import SERIES_DEPTH, LiveView
+from .bag_reader import scene_attachments, scene_notes
+from .live_view import SERIES_DEPTH, LiveView
 from .message_codec import reader, writer
-from .point_cloud import cloud_from_message
-from .standard import clock, tool_messages, transforms
+from .soil_clouds import cloud_from_message, height_map
+from .standard_messages import clock, latched_messages, tool_messages, transforms
 from .topics import (
     CLOCK,
     HEIGHT_MAP,
@@ -41,7 +40,7 @@ from .topics import (
     qos_profile,
     recorded_topics,
 )
-from .types import deserialize, message_type, schema_text, serialize, type_hash
+from .types import Message, deserialize, message_type, schema_text, serialize, type_hash
 
 _RANK = {topic: rank for rank, topic in enumerate(RECORD_OF)}
 _NEEDED_FOR_VISUALIZATION = {TOPIC_OF[kind] for kind in (ToolMotions, ToolWrenches, MechanismState)}
@@ -53,7 +52,7 @@ _NEWEST_ONLY = {CLOCK, HEIGHT_MAP, *RECORD_OF} - {
 _CLOUD = TOPIC_OF[SoilCloud]
 
 
-class _Held(NamedTuple):
+class _Pending(NamedTuple):
     rank: int
     topic: str
     data: bytes
@@ -74,7 +73,7 @@ class BagWriter:
         directory: Path,
         scene: Scene,
         timing: Timing,
-        latched: Mapping[str, Any] | None = None,
+        latched: Mapping[str, Message] | None = None,
         live_port: int = 0,
         bundle: SceneBundle | None = None,
     ) -> None:
@@ -88,7 +87,7 @@ class BagWriter:
             InputError: it exists or cannot be created, or the live view cannot serve.
             RecordingError: the definitions of subsoil_msgs are not found.
         """
-        self._scene = scene
+        self._scene, self._soil = scene, scene.particle_soil
         self._communication_step_ns = timing.communication_step_ns
         self._schedule = Schedule.of(scene, timing)
         self._types = {topic: message_type(kind) for topic, kind in RECORD_OF.items()}
@@ -97,7 +96,7 @@ class BagWriter:
         self._readers = {topic: reader(RECORD_OF[topic]) for topic in _NEEDED_FOR_VISUALIZATION}
         self._latched = dict(latched or {})  # not yet written
         self._tick = INITIAL_TICK
-        self._held: list[_Held] = []  # of self._tick
+        self._pending: list[_Pending] = []  # of self._tick
         schema_text(message_type(Grant))  # without message definitions there is no bag
         self._live = self._open_live_view(live_port) if live_port else None
         try:
@@ -110,7 +109,7 @@ class BagWriter:
                 self._live.close()
             raise
 
-    def write(self, record: Any) -> None:
+    def write(self, record: RunRecord) -> None:
         """Write any record of messages.py.
 
         Raises:
@@ -124,7 +123,7 @@ class BagWriter:
             )
         topic, data = TOPIC_OF[kind], self._writers[kind](record)
         kept = record if topic in _NEEDED_FOR_VISUALIZATION or topic == _CLOUD else None
-        self._hold(record.tick, _Held(_RANK[topic], topic, data, kept))
+        self._add(record.tick, _Pending(_RANK[topic], topic, data, kept))
 
     def write_raw(self, topic: str, tick: int, cdr: bytes) -> None:
         """Write the CDR bytes of a message on one of the topics of records (topics.TOPIC_OF).
@@ -136,7 +135,7 @@ class BagWriter:
         rank = _RANK.get(topic)
         if rank is None:
             raise ProtocolError(f"topic '{topic}' is not recorded as it is; recorded are {', '.join(_RANK)}")
-        self._hold(tick, _Held(rank, topic, cdr, None))
+        self._add(tick, _Pending(rank, topic, cdr, None))
 
     def sync(self) -> None:
         """Write everything received so far to the disk; the last tick received must be complete.
@@ -144,17 +143,17 @@ class BagWriter:
         Raises:
             RecordingError: the disk cannot be written.
         """
-        held, self._held = self._held, []
-        if held:
-            self._write_tick(self._tick, held)
+        pending, self._pending = self._pending, []
+        if pending:
+            self._write_tick(self._tick, pending)
         self._folder.sync()
 
     def close(self) -> None:
         """Finishes the bag. Idempotent."""
-        held, self._held = self._held, []
+        pending, self._pending = self._pending, []
         try:
-            if held:
-                self._write_tick(self._tick, held)
+            if pending:
+                self._write_tick(self._tick, pending)
         finally:
             try:
                 self._folder.close()
@@ -162,48 +161,47 @@ class BagWriter:
                 if self._live is not None:
                     self._live.close()
 
-    def _hold(self, tick: int, held: _Held) -> None:
+    def _add(self, tick: int, item: _Pending) -> None:
         if tick < self._tick:
             raise ProtocolError(
-                f"{held.topic}: tick {tick} comes after tick {self._tick}; a bag is written in order of ticks"
+                f"{item.topic}: tick {tick} comes after tick {self._tick}; a bag is written in order of ticks"
             )
         if tick > self._tick:
-            finished, self._held = self._held, []
+            finished, self._pending = self._pending, []
             if finished:
                 self._write_tick(self._tick, finished)
             self._tick = tick
-        self._held.append(held)
+        self._pending.append(item)
 
-    def _write_tick(self, tick: int, held: list[_Held]) -> None:
+    def _write_tick(self, tick: int, pending: list[_Pending]) -> None:
         time_ns = tick_end_ns(tick, self._communication_step_ns)
         for topic, message in self._latched.items():
             self._emit_message(topic, time_ns, message)
         self._latched = {}
-        held.sort(key=lambda item: item.rank)  # stable: equal topics stay in their order
-        for item in held:
+        pending.sort(key=lambda item: item.rank)  # stable: equal topics stay in their order
+        for item in pending:
             self._emit(item.topic, time_ns, item.data)
         if tick == INITIAL_TICK:
             return
-        self._write_height_map(time_ns, held)
+        self._write_height_map(time_ns, pending)
         if self._schedule.series_due(tick):
-            self._write_for_people(time_ns, held)
+            self._write_standard_messages(time_ns, pending)
         self._emit_message(CLOCK, time_ns, clock(time_ns))
 
-    def _write_height_map(self, time_ns: int, held: list[_Held]) -> None:
-        soil = self._scene.particle_soil
-        for item in held:
-            if item.topic == _CLOUD and soil is not None:
+    def _write_height_map(self, time_ns: int, pending: list[_Pending]) -> None:
+        for item in pending:
+            if item.topic == _CLOUD and self._soil is not None:
                 cloud = item.record or cloud_from_message(
                     deserialize(item.data, self._types[_CLOUD]), self._communication_step_ns
                 )
-                self._emit_message(HEIGHT_MAP, time_ns, height_map(cloud, soil))
+                self._emit_message(HEIGHT_MAP, time_ns, height_map(cloud, self._soil))
 
-    def _write_for_people(self, time_ns: int, held: list[_Held]) -> None:
+    def _write_standard_messages(self, time_ns: int, pending: list[_Pending]) -> None:
         records = {
             RECORD_OF[item.topic]: item.record
             if item.record is not None
             else self._readers[item.topic](item.data)
-            for item in held
+            for item in pending
             if item.topic in _NEEDED_FOR_VISUALIZATION
         }
         motions, wrenches = (
@@ -216,7 +214,7 @@ class BagWriter:
             message = transforms(self._scene, state, motions, time_ns)
             self._emit_message(TRANSFORMS, time_ns, message)
 
-    def _emit_message(self, topic: str, time_ns: int, message: Any) -> None:
+    def _emit_message(self, topic: str, time_ns: int, message: Message) -> None:
         self._emit(topic, time_ns, serialize(message))
 
     def _emit(self, topic: str, time_ns: int, data: bytes) -> None:

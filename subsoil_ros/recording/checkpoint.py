@@ -16,13 +16,14 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import IO, Any, BinaryIO, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._version import __version__
 from ..errors import InputError, RecordingError
+from ..yaml_document import Document
 
 FORMAT = 2
 """Version of the format, increased when older checkpoints cannot be read any more."""
@@ -46,8 +47,8 @@ class Checkpoint:
     tick: int  # the state is that at the end of it
     time_s: float  # simulated, at the end of `tick`
     run_id: str
-    coupling: dict[str, Any]  # the coupling's part, as it was committed
-    parts: dict[str, dict[str, Any]]  # by name: file, bytes, write_s, sha256
+    coupling: Document  # the coupling's part, as it was committed
+    parts: dict[str, Document]  # by name: file, bytes, write_s, sha256
 
     @property
     def size_bytes(self) -> int:
@@ -74,7 +75,7 @@ def state_sha256(arrays: Arrays) -> str:
     return stream.digest.hexdigest()
 
 
-def document_sha256(document: Mapping[str, Any]) -> str:
+def document_sha256(document: Document) -> str:
     """sha256 hex of a JSON document, whatever the order of its keys."""
     return hashlib.sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()
 
@@ -110,7 +111,7 @@ def has_parts(directory: Path, tick: int, names: Sequence[str]) -> bool:
     return all((_folder(directory, tick) / f"{name}.npz").is_file() for name in names)
 
 
-def commit(directory: Path, tick: int, names: Sequence[str], facts: Mapping[str, Any]) -> Path:
+def commit(directory: Path, tick: int, names: Sequence[str], facts: Document) -> Path:
     """Make the checkpoint of `tick` valid, once its parts are on the disk; remove all but the newest KEPT.
 
     Args:
@@ -223,7 +224,7 @@ def _committed(directory: Path) -> list[Path]:
     return sorted(path.parent for path in directory.glob(f"{_PREFIX}*/{MANIFEST}"))
 
 
-def _verified(folder: Path, part: Mapping[str, Any]) -> bytes:
+def _verified(folder: Path, part: Document) -> bytes:
     path = folder / part["file"]
     try:
         content = path.read_bytes()
@@ -255,13 +256,13 @@ class _Hashing:
 
 def _write_arrays(stream: _Hashing, arrays: Arrays) -> None:
     """Write as numpy.savez does, but in the order of the names, so that equal states give equal bytes."""
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:  # type: ignore[call-overload]
+    with zipfile.ZipFile(cast(IO[bytes], stream), "w", zipfile.ZIP_STORED) as archive:
         for name in sorted(arrays):
             with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, np.asarray(arrays[name]), allow_pickle=False)
 
 
-def _write_document(path: Path, document: Mapping[str, Any]) -> None:
+def _write_document(path: Path, document: Document) -> None:
     partial = path.with_suffix(".json.tmp")
     with partial.open("w", encoding="utf-8") as file:
         json.dump(document, file, indent=1)

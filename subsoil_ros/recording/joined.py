@@ -121,7 +121,7 @@ def open_record(bag: Path) -> BagReader | JoinedBags:
     return JoinedBags([*pieces, (BagReader(bag), None)])
 
 
-def mend_earlier(directory: Path) -> None:
+def recover_earlier(directory: Path) -> None:
     """Recover the bags of earlier runs whose writers were killed."""
     for folder, _ in earlier_runs(directory):
         try:

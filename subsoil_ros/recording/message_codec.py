@@ -23,9 +23,9 @@ from rosbags.interfaces import Nodetype
 from .. import messages
 from ..messages import FacetGroupForce, SoilCloud, ToolMotion, ToolWrench, motion_of
 from ..ticks import NANOSECONDS_PER_SECOND, tick_end_ns
-from .point_cloud import point_cloud
-from .standard import WORLD_FRAME
-from .types import message_type, older_deserializer, schema_text, serialize, typestore
+from .soil_clouds import point_cloud
+from .standard_messages import WORLD_FRAME
+from .types import Message, message_type, older_deserializer, schema_text, serialize, typestore
 
 PLACES: dict[type, dict[str, str]] = {
     ToolMotion: {
@@ -100,12 +100,12 @@ def reader(kind: type, schema: str | None = None) -> Callable[[bytes], Any]:
     return read
 
 
-def from_message(kind: type, message: Any) -> Any:
+def from_message(kind: type, message: Message) -> Any:
     """The record of `kind` in a deserialized message of rclpy or rosbags.
 
     A field that its definition lacks has the default of the record, or else 0, NaN, or is empty.
     """
-    values: dict[str, Any] = {}
+    values: dict[str, object] = {}
     for field in _fields(kind):
         try:
             value = attrgetter(field.path)(message)
@@ -143,7 +143,7 @@ def _fields(kind: type) -> tuple[_Field, ...]:
 
 
 def _fields_of(
-    message_name: str, prefix: str, hints: dict[str, Any], places: dict[str, str]
+    message_name: str, prefix: str, hints: dict[str, type], places: dict[str, str]
 ) -> Iterator[_Field]:
     definitions: Mapping[str, Any] = typestore().fielddefs
     for name, (node, content) in definitions[message_name][1]:
@@ -236,12 +236,12 @@ class _Template:
         self.numbers_of = _compiled(f"lambda r, step: ({', '.join(self._numbers)})")
         self.record_of = _compiled(f"lambda n, c: {made}")
 
-    def bytes_of(self, numbers: tuple[Any, ...]) -> bytes:
+    def bytes_of(self, numbers: tuple[object, ...]) -> bytes:
         """The message with these numbers."""
         layout = self.layout
         return (int.from_bytes(layout.pack(*numbers), _ORDER) | self._constant).to_bytes(layout.size, _ORDER)
 
-    def numbers_in(self, cdr: bytes) -> tuple[Any, ...] | None:
+    def numbers_in(self, cdr: bytes) -> tuple[object, ...] | None:
         """The numbers of a message; None if it does not fit."""
         size = self.layout.size
         if len(cdr) < size or int.from_bytes(cdr[:size], _ORDER) & self._constant_bits != self._constant:

@@ -1,6 +1,6 @@
 """Topics of a run: their names, message types, order within a tick, and the QoS they are offered with."""
 
-from typing import Any
+from functools import cache
 
 from ..messages import (
     CouplingReport,
@@ -15,6 +15,7 @@ from ..messages import (
     ToolWrenches,
 )
 from ..scene.scene import Scene
+from ..yaml_document import Document
 from .types import message_type
 
 BAG_NAMESPACE = "/subsoil"
@@ -49,14 +50,16 @@ LATCHED: dict[str, str] = {
 """Topics published once, before the first tick, and kept for late joiners: topic -> message type."""
 
 HEIGHT_MAP = "soil/height_map"
-"""Relative topic of the surface's height, one for each cloud (height_map.py)."""
+"""Relative topic of the surface's height, one for each cloud (soil_clouds.py)."""
 
 
+@cache
 def pose_topic(tool: str) -> str:
     """Relative topic of a tool's PoseStamped."""
     return f"tool/{tool}/pose"
 
 
+@cache
 def wrench_topic(tool: str) -> str:
     """Relative topic of a tool's WrenchStamped."""
     return f"tool/{tool}/wrench"
@@ -93,12 +96,13 @@ def recorded_topics(scene: Scene) -> dict[str, str]:
     return {TOPIC_OF[kind]: message_type(kind) for kind in kinds} | derived_topics(scene)
 
 
+@cache
 def bag_topic(topic: str) -> str:
     """Name of a topic inside a bag."""
     return topic if topic.startswith("/") else f"{BAG_NAMESPACE}/{topic}"
 
 
-def qos_profile(topic: str) -> dict[str, Any]:
+def qos_profile(topic: str) -> Document:
     """Offered QoS as rosbag2 metadata (version 9) writes it, so that a replay offers the same."""
     lockstep = topic in RECORD_OF and topic != TOPIC_OF[SoilCloud]
     latched = topic in LATCHED

@@ -24,6 +24,9 @@ _NAMES = sorted(
     if is_dataclass(item) and item not in (*_OTHER_TYPES, SpatialMotion)
 )
 _OWN = "subsoil_msgs/msg/"
+Message = Any
+"""A message of rosbags, or its class: made from a definition at run time."""
+
 _RULE = "=" * 80
 
 
@@ -72,7 +75,7 @@ def typestore() -> Typestore:
 
 
 @cache
-def message_class(name: str) -> Any:
+def message_class(name: str) -> Message:
     """rosbags' class of a message type, "geometry_msgs/msg/Pose"."""
     return typestore().types[name]
 
@@ -99,12 +102,12 @@ def type_hash(name: str) -> str:
     return typestore().hash_rihs01(name)
 
 
-def serialize(message: Any) -> bytes:
+def serialize(message: Message) -> bytes:
     """CDR bytes of a rosbags message."""
     return bytes(typestore().serialize_cdr(message, message.__msgtype__))
 
 
-def older_deserializer(name: str, schema: str) -> Callable[[bytes], Any]:
+def older_deserializer(name: str, schema: str) -> Callable[[bytes], Message]:
     """Return the function that reads messages of type `name` from CDR bytes, by the definition in a bag:
     `schema`, a ros2msg text, since other versions may have other fields."""
     store = get_typestore(Stores.ROS2_JAZZY)
@@ -113,7 +116,7 @@ def older_deserializer(name: str, schema: str) -> Callable[[bytes], Any]:
     return lambda data: store.deserialize_cdr(data, name)
 
 
-def deserialize(data: bytes, name: str) -> Any:
+def deserialize(data: bytes, name: str) -> Message:
     """rosbags message of type `name` from CDR bytes."""
     return typestore().deserialize_cdr(data, name)
 

@@ -11,7 +11,7 @@ import subsoil_ros as subsoil
 from subsoil_ros.analysis.carried import vertical_parts
 from subsoil_ros.analysis.series import Series, read_series
 from subsoil_ros.api.read import Run
-from subsoil_ros.mbd.engine import MechanismEngine
+from subsoil_ros.mbd.mechanism_engine import MechanismEngine
 from subsoil_ros.messages import ToolWrench
 
 MASSES = {"frame": 40.0, "arm": 10.0, "slider": 6.0, "lid": 3.0}

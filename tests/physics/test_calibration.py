@@ -16,7 +16,7 @@ from subsoil_ros.experiments.calibration.wedge_fit import steady
 from subsoil_ros.experiments.run_cache import keep_run
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.loading.soil_file import read_soil_file
-from subsoil_ros.wedge.engine import WedgeEngine
+from subsoil_ros.wedge.wedge_engine import WedgeEngine
 from tests.unit.experiments.designs import SCENES, small_design
 
 Captured = pytest.CaptureFixture[str]

@@ -6,7 +6,7 @@ from scipy.integrate import trapezoid
 
 from subsoil_ros.coupling.energy_account import InterfaceAccount
 from subsoil_ros.dem.build import build_engine
-from subsoil_ros.mbd.engine import MechanismEngine
+from subsoil_ros.mbd.mechanism_engine import MechanismEngine
 from validation.coupling import block_machine
 
 DURATION_S = 0.06

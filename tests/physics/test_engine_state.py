@@ -8,8 +8,8 @@ import pytest
 from subsoil_ros.dem.build import build_engine
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
-from subsoil_ros.mbd.engine import MechanismEngine
-from subsoil_ros.mbd.path import PathEngine
+from subsoil_ros.mbd.mechanism_engine import MechanismEngine
+from subsoil_ros.mbd.tool_paths import PathEngine
 from subsoil_ros.messages import ToolMotion, ToolWrench
 from subsoil_ros.recording.checkpoint import commit, read_checkpoint, state_sha256, write_part
 from tests.physics.conftest import SoilMaker, one_tool

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from subsoil_ros.api.simulate import simulate
+from subsoil_ros.api.run_frame import simulate
 from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.dem.build import build_engine
 from subsoil_ros.limits.communication_steps import DAMPER_SHARE, force_age_ticks
-from subsoil_ros.mbd.engine import MechanismEngine
+from subsoil_ros.mbd.mechanism_engine import MechanismEngine
 from subsoil_ros.messages import ToolWrenches
 from subsoil_ros.scene.scene import Coupling
 from tests.physics.tick_map import Exchange

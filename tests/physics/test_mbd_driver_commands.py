@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from subsoil_ros.coupling.control import SpeedController
 from subsoil_ros.errors import PhysicsError, ProtocolError, RunError
 from subsoil_ros.limits.stable_steps import Timing
-from subsoil_ros.mbd.engine import MechanismEngine
+from subsoil_ros.mbd.mechanism_engine import MechanismEngine
 from subsoil_ros.messages import DriverCommand, MechanismState
 from subsoil_ros.scene.controller import Controller
 from subsoil_ros.scene.scene import Scene

@@ -7,7 +7,7 @@ import pytest
 from pydantic import ValidationError
 
 from subsoil_ros.errors import PhysicsError, SceneError, SingularMechanismError, SubsoilError
-from subsoil_ros.mbd.tables import EVENT_COUNT
+from subsoil_ros.mbd.machine_arrays import EVENT_COUNT
 from subsoil_ros.scene.mechanism import Mechanism
 
 

@@ -8,8 +8,8 @@ import pytest
 from scipy.special import ellipj, ellipk
 
 from subsoil_ros.errors import PhysicsError
-from subsoil_ros.mbd.energy_balance import LARGEST_RESIDUAL
-from subsoil_ros.mbd.tables import EVENT_COUNT, LARGEST, PART_COUNT, RESIDUAL
+from subsoil_ros.mbd.accuracy import LARGEST_RESIDUAL
+from subsoil_ros.mbd.machine_arrays import EVENT_COUNT, LARGEST, PART_COUNT, RESIDUAL
 from tests.physics.small_machines import MASS, book
 from validation.machines import SEVEN_BODIES
 

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from pydantic import ValidationError
 from scipy.integrate import solve_ivp
 
-from subsoil_ros.mbd.tables import EVENT_COUNT
+from subsoil_ros.mbd.machine_arrays import EVENT_COUNT
 from subsoil_ros.scene.mechanism import Mechanism
 from tests.physics.small_machines import INERTIA, MASS, advance, body, book
 

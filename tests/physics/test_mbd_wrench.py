@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import subsoil_ros as subsoil
-from subsoil_ros.mbd.tables import LARGEST, RESIDUAL
+from subsoil_ros.mbd.machine_arrays import LARGEST, RESIDUAL
 from subsoil_ros.messages import ToolWrench
 from tests.outside import GRAVITY, MASS_KG, STIFFNESS, SpringField, depth_m, document
 

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from subsoil_ros.analysis.series import Series, read_series
 from subsoil_ros.analysis.summarize import summarize
-from subsoil_ros.api.simulate import simulate
+from subsoil_ros.api.run_frame import simulate
 from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.figures.run_figures import draw_figures
 from subsoil_ros.loading.loader import ResolvedScene, load_scene

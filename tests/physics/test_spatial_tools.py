@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation, RotationSpline
 from subsoil_ros.dem.build import build_engine
 from subsoil_ros.dem.tools.motion import motion_within
 from subsoil_ros.errors import PhysicsError, ProtocolError
-from subsoil_ros.mbd.path import PathEngine
+from subsoil_ros.mbd.tool_paths import PathEngine
 from subsoil_ros.messages import SpatialMotion, ToolMotion, ToolWrench
 from subsoil_ros.rotations import Vector
 from tests.soils import NEGLIGIBLE

@@ -16,7 +16,7 @@ from numpy.testing import assert_allclose
 from subsoil_ros.errors import PhysicsError
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.messages import ToolMotion
-from subsoil_ros.wedge.engine import WedgeEngine
+from subsoil_ros.wedge.wedge_engine import WedgeEngine
 
 CONFIG = Path(__file__).parents[2] / "config"
 VALUES = {
@@ -95,7 +95,7 @@ def test_force_resists_pushes_down_on_a_low_rake_and_balances_its_groups(engine)
 
 def test_steady_share_has_the_force_of_the_theory(engine):
     """H = P sin(alpha + delta) + c_a h w cot(alpha), V = P cos(alpha + delta) - c_a h w."""
-    from subsoil_ros.wedge.wedge import Plate, Strength, failure
+    from subsoil_ros.wedge.failure_wedge import Plate, Strength, failure
 
     soil = engine({"adhesion_pa": 1e3})
     last = drawn(soil, forward(300))[-1]
@@ -222,7 +222,7 @@ def test_failure_cycle_builds_and_drops(engine):
     assert np.ptp(period) <= STEP_M * 1.001
     assert (force.max() - force.min()) / force.max() == pytest.approx(0.4, abs=0.05)  # sides do not drop
     assert np.all(np.diff(force)[np.setdiff1d(np.arange(len(force) - 1), falls)] > -1e-9 * force.max())
-    from subsoil_ros.wedge.wedge import Plate, Strength, failure
+    from subsoil_ros.wedge.failure_wedge import Plate, Strength, failure
 
     strength = Strength(1300.0 * 9.81, 1300.0, 8e3, 0.5, 1e3, 0.3, 0.0, 1.0)
     length = failure(Plate(0.06, math.radians(25.0), 0.2, 0.0761), strength, 0.5)[2]

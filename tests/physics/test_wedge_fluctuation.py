@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from subsoil_ros.api.simulate import simulate
+from subsoil_ros.api.run_frame import simulate
 from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.experiments.calibration.fluctuation import (
     SAMPLE_M,
@@ -24,7 +24,7 @@ from subsoil_ros.experiments.calibration.fluctuation import (
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.loading.soil_file import read_soil_file
 from subsoil_ros.messages import ToolWrenches
-from subsoil_ros.wedge.blocks import bearing, block_sizes, mean_bearing
+from subsoil_ros.wedge.failure_wedge import bearing, block_sizes, mean_bearing
 
 CONFIG = Path(__file__).parents[2] / "config"
 

@@ -7,7 +7,7 @@ import pytest
 
 from subsoil_ros.scene.tool_faces import WheelFace
 from subsoil_ros.scene.wedge_soil import WedgeValues, WheelSoil
-from subsoil_ros.wedge.wedge import (
+from subsoil_ros.wedge.failure_wedge import (
     Plate,
     Strength,
     failure,

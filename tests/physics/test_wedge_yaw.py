@@ -13,8 +13,8 @@ import subsoil_ros as subsoil
 from subsoil_ros.errors import PhysicsError, SceneError
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.messages import SpatialMotion, ToolMotion, ToolWrench
-from subsoil_ros.wedge.engine import WedgeEngine
-from subsoil_ros.wedge.wedge import Plate, Strength, failure
+from subsoil_ros.wedge.failure_wedge import Plate, Strength, failure
+from subsoil_ros.wedge.wedge_engine import WedgeEngine
 
 WIDTH, TALL, DEPTH, SPEED, TICK_S = 0.2, 0.3, 0.15, 0.5, 1e-3
 DELTA, ADHESION = 0.35, 1e3

@@ -9,13 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from subsoil_ros.mbd.integrators.adams_moulton import (
-    CORRECT_Q,
-    CORRECT_V,
-    PREDICT_Q,
-    PREDICT_V,
-    multistep_weights,
-)
+from subsoil_ros.mbd.explicit_integrators import CORRECT_Q, CORRECT_V, PREDICT_Q, PREDICT_V, multistep_weights
 
 DAMPING_RADIUS = 0.8
 ALPHA_M = (2.0 * DAMPING_RADIUS - 1.0) / (DAMPING_RADIUS + 1.0)

@@ -145,7 +145,7 @@ def pytest_in(workspace: Path, *tests: str) -> None:
 @pytest.mark.full
 def test_where_simulation_interfaces_is_installed_its_types_are_served(workspace):
     """Every service and the action over DDS, in the standard's own messages."""
-    ask = "from subsoil_ros.ros.services.simulation_services import dialect; print(dialect())"
+    ask = "from subsoil_ros.ros.nodes.run_services import dialect; print(dialect())"
     said = run(["bash", "-c", f". install/setup.bash && python3 -c '{ask}'"], workspace)
     assert "simulation_interfaces" in said
     assert "standard=True" in said

@@ -19,7 +19,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from subsoil_ros.api.simulate import simulate
+from subsoil_ros.api.run_frame import simulate
 from subsoil_ros.coupling.control import Controller, build_controller
 from subsoil_ros.coupling.exit_status import ExitStatus
 from subsoil_ros.coupling.observer import RunWatch
@@ -30,8 +30,8 @@ from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import DriverCommand, MechanismState
 from subsoil_ros.recording.checkpoint import newest_valid
 from subsoil_ros.recording.topics import LATCHED, bag_topic
+from subsoil_ros.ros.nodes.composed import run_composed, scene_builds
 from subsoil_ros.ros.nodes.controller_node import ControllerNode
-from subsoil_ros.ros.process.composed import run_composed, scene_builds
 from tests.system.conftest import SCENE, Run, is_alive, messages
 from tests.system.test_nodes import (
     LIMIT_S,

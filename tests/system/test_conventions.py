@@ -25,15 +25,15 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker, MarkerArray
 
-from subsoil_ros.api.simulate import simulate
+from subsoil_ros.api.run_frame import simulate
 from subsoil_ros.coupling.exit_status import ExitStatus
 from subsoil_ros.coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL
 from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.errors import InputError
 from subsoil_ros.loading.loader import ResolvedScene
 from subsoil_ros.recording.bag_writer import open_bag
+from subsoil_ros.ros.nodes.composed import Build, run_composed
 from subsoil_ros.ros.nodes.recorder_node import RecorderNode
-from subsoil_ros.ros.process.composed import Build, run_composed
 from subsoil_ros.ros.process.parameters import PARAMETERS, read_settings
 from subsoil_ros.ros.transport.qos import LATCHED_QOS
 from tests.system.conftest import SCENE, messages

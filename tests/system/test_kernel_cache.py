@@ -53,13 +53,13 @@ def as_it_is(package):
         ("contact_laws/springs.py", "soil"),
         ("contact_laws/hertz/kernel.py", "soil"),
         ("contact_laws/hertz/law.py", "soil"),
-        ("mbd/time_functions.py", "mechanism"),
-        ("mbd/engine.py", "none"),
+        ("mbd/function_tables.py", "mechanism"),
+        ("mbd/mechanism_engine.py", "none"),
         ("dem/packing/dense_random.py", "none"),
         ("scene/pair_laws.py", "none"),
         ("scene/soil.py", "none"),
         ("coupling/direct.py", "none"),
-        ("wedge/wedge.py", "none"),
+        ("wedge/failure_wedge.py", "none"),
     ],
 )
 def test_a_changed_source_outdates_its_kernels_and_all_results(package, as_it_is, place, kernels):

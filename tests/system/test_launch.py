@@ -22,12 +22,12 @@ from subsoil_ros.api.read import read_run
 from subsoil_ros.api.run_frame import RunFrame
 from subsoil_ros.cli.main import main
 from subsoil_ros.coupling.engines import MotionSource, build_motion_source
-from subsoil_ros.coupling.outside import Machine
+from subsoil_ros.coupling.external import Machine
 from subsoil_ros.errors import InputError, RunError
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
-from subsoil_ros.ros.process.plan import nodes_of
+from subsoil_ros.ros.process.node_plan import nodes_of
 from subsoil_ros.ros.transport import shared_memory
-from subsoil_ros.ros.transport.domain import run_domain
+from subsoil_ros.ros.transport.ros_domain import run_domain
 from subsoil_ros.ros.transport.shared_memory import LOADED_BYTES, TRANSPORTS
 from tests.system.conftest import SCENE
 from tests.system.test_nodes import contents

@@ -15,7 +15,7 @@ PROGRAM = """
 import sys
 from pathlib import Path
 import psutil
-from subsoil_ros.api.simulate import simulate
+from subsoil_ros.api.run_frame import simulate
 from subsoil_ros.coupling.observer import RunWatch
 from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.loading.loader import load_scene

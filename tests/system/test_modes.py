@@ -9,7 +9,7 @@ from mcap.reader import make_reader
 from subsoil_ros.cli.main import main
 from subsoil_ros.dem.build import build_engine
 from subsoil_ros.loading.loader import load_scene
-from subsoil_ros.mbd.engine import MechanismEngine
+from subsoil_ros.mbd.mechanism_engine import MechanismEngine
 from subsoil_ros.ticks import tick_end_ns
 from tests.system.conftest import lockstep_ticks, messages, run_arguments
 

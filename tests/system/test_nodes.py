@@ -16,7 +16,7 @@ from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from subsoil_msgs.msg import ToolMotions as ToolMotionsMessage
 
-from subsoil_ros.api.simulate import simulate
+from subsoil_ros.api.run_frame import simulate
 from subsoil_ros.coupling.exit_status import ExitStatus
 from subsoil_ros.coupling.observer import RunObserver
 from subsoil_ros.coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL
@@ -32,13 +32,13 @@ from subsoil_ros.messages import (
     ToolWrench,
 )
 from subsoil_ros.recording.bag_writer import open_bag
+from subsoil_ros.ros.nodes.composed import Build, run_composed
 from subsoil_ros.ros.nodes.coupler_node import CouplerNode
 from subsoil_ros.ros.nodes.mechanism_node import MechanismNode
 from subsoil_ros.ros.nodes.recorder_node import RecorderNode
 from subsoil_ros.ros.nodes.soil_node import SoilNode
-from subsoil_ros.ros.process.composed import Build, run_composed
-from subsoil_ros.ros.transport.domain import run_domain
 from subsoil_ros.ros.transport.qos import LOCKSTEP_QOS
+from subsoil_ros.ros.transport.ros_domain import run_domain
 from subsoil_ros.ticks import INITIAL_TICK
 from tests.system.conftest import SCENE, lockstep_ticks, messages
 
@@ -264,7 +264,7 @@ class GatedSoil(SpringSoil):
         return super().advance(tick, motions)
 
 
-def status_with_foreign_publisher(
+def status_with_unknown_publisher(
     resolved: ResolvedScene, bag: Path, listener: Node, topic: str, message: Any
 ) -> ExitStatus:
     """How a run ends whose soil stands at tick 3 while a foreign node publishes on a lockstep topic."""
@@ -345,7 +345,7 @@ def test_a_foreign_message_ends_the_run_by_name(
     """A foreign node publishes motions of another run on our topic: refused, named, exit 3."""
     message = ToolMotionsMessage(run_id="other", tick=4)
     message.header.stamp.nanosec = 5 * resolved.timing.communication_step_ns
-    status = status_with_foreign_publisher(resolved, tmp_path / "bag", listener, "tool_motions", message)
+    status = status_with_unknown_publisher(resolved, tmp_path / "bag", listener, "tool_motions", message)
     assert status.code == 3
     assert "tool_motions: " in status.reason
     assert "ROS_DOMAIN_ID of its own" in status.reason

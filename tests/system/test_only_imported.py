@@ -87,9 +87,9 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict]:
 @pytest.mark.parametrize(
     ("scene", "named", "absent"),
     [
-        ("mechanism_only.yaml", "mbd.engine", ("dem", "wedge", "mbd.path")),
-        ("tine.yaml", "dem.engine", ("wedge", "mbd.engine", "mbd.advance", "mbd.dynamics")),
-        ("subsoiler_1s300_wedge.yaml", "wedge.engine", ("dem", "mbd.path")),
+        ("mechanism_only.yaml", "mbd.mechanism_engine", ("dem", "wedge", "mbd.tool_paths")),
+        ("tine.yaml", "dem.engine", ("wedge", "mbd.mechanism_engine", "mbd.advance", "mbd.dynamics")),
+        ("subsoiler_1s300_wedge.yaml", "wedge.wedge_engine", ("dem", "mbd.tool_paths")),
     ],
 )
 def test_only_the_engines_named_are_imported(

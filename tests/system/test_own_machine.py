@@ -12,7 +12,7 @@ import pytest
 
 import subsoil_ros as subsoil
 from subsoil_ros.errors import InputError
-from subsoil_ros.ros.transport.domain import run_domain
+from subsoil_ros.ros.transport.ros_domain import run_domain
 from subsoil_ros.yaml_document import dump_yaml
 from tests.outside import Block, SpringField, document
 from tests.system.conftest import Run

@@ -20,7 +20,7 @@ from subsoil_ros.coupling.protocol import COUPLER
 from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.loading.loader import ResolvedScene
 from subsoil_ros.ros.nodes import coupler_node
-from subsoil_ros.ros.process.composed import run_composed
+from subsoil_ros.ros.nodes.composed import run_composed
 from tests.system.conftest import messages
 from tests.system.test_nodes import (
     LIMIT_S,

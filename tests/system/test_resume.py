@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from subsoil_ros.api.simulate import simulate
+from subsoil_ros.api.run_frame import simulate
 from subsoil_ros.cli.main import main
 from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.loading.loader import load_scene

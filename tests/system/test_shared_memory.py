@@ -10,7 +10,7 @@ import pytest
 
 from subsoil_ros.cli.main import main
 from subsoil_ros.ros.transport import shared_memory
-from subsoil_ros.ros.transport.domain import run_domain
+from subsoil_ros.ros.transport.ros_domain import run_domain
 from subsoil_ros.ros.transport.shared_memory import (
     LOADED_BYTES,
     PROCESS_BYTES,

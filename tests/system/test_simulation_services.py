@@ -15,8 +15,8 @@ from rclpy.node import Node
 
 from subsoil_ros.coupling.exit_status import ExitStatus
 from subsoil_ros.loading.loader import ResolvedScene
-from subsoil_ros.ros.services.run_control import Result, RunState
-from subsoil_ros.ros.services.simulation_services import FEATURES, dialect
+from subsoil_ros.ros.nodes.run_control import Result, RunState
+from subsoil_ros.ros.nodes.run_services import FEATURES, dialect
 from tests.system.test_nodes import (
     LIMIT_S,
     TICKS,

@@ -19,9 +19,9 @@ from subsoil_msgs.srv import Step
 from benchmarks.lockstep import IDLE, write_scene
 from subsoil_ros.coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL
 from subsoil_ros.loading.loader import load_scene
+from subsoil_ros.ros.nodes.run_services import dialect
 from subsoil_ros.ros.process.supervisor import node_program
-from subsoil_ros.ros.services.simulation_services import dialect
-from subsoil_ros.ros.transport.domain import run_domain
+from subsoil_ros.ros.transport.ros_domain import run_domain
 from tests.system.conftest import SCENE, lockstep_ticks
 
 LIMIT_S = 300.0

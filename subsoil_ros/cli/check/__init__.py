@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.table import Table
 
-    from ...api.check import CheckResult
+    from ...api.check_scene import CheckResult
     from ...limits.stable_steps import Timing
     from ...loading.loader import ResolvedScene
     from ...loading.presets import ErrorInterval, Expected
@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Validate the scene and print its tables. Raises SceneError for any error that would stop a run."""
-    from ...api.check import check
+    from ...api.check_scene import check
     from ...loading.loader import load_scene
     from .soil_rows import material_rows, particle_rows, wedge_rows
 

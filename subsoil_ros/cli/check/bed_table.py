@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from ...api.beds import prepare_bed_first
+from ...api.prepare_bed import prepare_bed_first
 from ...dem.build import build_engine
 from ...dem.free_motion import FreeMotion, free_motion
 from ...dem.packing.bed_file import write_bed

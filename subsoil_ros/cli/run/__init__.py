@@ -1,8 +1,11 @@
 """subsoil run SCENE --out DIR: simulates a scene and leaves a bag, a series and a summary."""
 
 import argparse
+from functools import partial
 from pathlib import Path
 
+from ...coupling.run_options import OPTIONS
+from ...errors import InputError
 from .._shared.arguments import add_overrides
 
 DEFAULT_PORT = 8765
@@ -22,13 +25,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_overrides(parser)
     parser.add_argument(
-        "--threads",
-        type=_thread_count,
-        default=1,
-        metavar="N",
-        help="threads of the soil engine (default: 1)",
-    )
-    parser.add_argument(
         "--resume",
         type=Path,
         metavar="RUN",
@@ -42,12 +38,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="show the run in Foxglove while it goes on, over a WebSocket on this machine "
         f"(default port: {DEFAULT_PORT}; 0: any that is free)",
     )
-    parser.add_argument(
-        "--paused",
-        action="store_true",
-        help="nodes and composed: stand before the first tick until the coupler's services resume or step "
-        "are called",
-    )
+    for name, option in OPTIONS.items():
+        if option.limits is None:
+            parser.add_argument(f"--{name}", action="store_true", help=option.description)
+        else:
+            words = f"{option.description} (default: {option.default})"
+            parser.add_argument(
+                f"--{name}", type=partial(_number, name), default=option.default, metavar="N", help=words
+            )
     parser.add_argument(
         "--namespace",
         default="",
@@ -57,10 +55,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _thread_count(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"'{text}' is no number of threads; give 1 or more")
-    return int(text)
+def _number(name: str, text: str) -> int:
+    try:
+        return OPTIONS[name].parsed(name, text)
+    except InputError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
 
 
 def run(args: argparse.Namespace) -> int:

@@ -7,21 +7,21 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from ...analysis.summary import KnownMean, Summary
-from ...api.run_frame import RunFrame, open_run
-from ...api.simulate import needed_controller
+from ...api.run_frame import RunFrame, needed_controller, open_run
+from ...coupling.exit_status import caught_signals
+from ...coupling.external import refuse_unlike
 from ...coupling.observer import RunObserver, RunWatch
-from ...coupling.outside import refuse_unlike
-from ...coupling.protocol import COUPLER, nodes_from_outside
+from ...coupling.protocol import COUPLER, external_nodes
+from ...coupling.run_options import OPTIONS
 from ...coupling.run_settings import RunSettings
-from ...coupling.signals import caught_signals
 from ...errors import InputError
 from ...extras import require, require_ros
 from ...loading.loader import ResolvedScene, load_scene
 from ...report.result_tables import print_summary
 from ...report.sentences import mean_words
-from ...ros.process.plan import checked_namespace, nodes_of
+from ...ros.process.node_plan import checked_namespace, nodes_of
 from ...ros.process.supervisor import Supervisor, node_program, start_node
-from ...ros.transport.domain import run_domain
+from ...ros.transport.ros_domain import run_domain
 from ...ros.transport.shared_memory import avoid_full_memory
 from .._shared.output import say
 from .._shared.progress import (
@@ -53,10 +53,9 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
         raise InputError("--live: shows what is recorded, and record.bag is false; add --set record.bag=true")
     settings = RunSettings(
         resolved,
-        threads=args.threads,
-        paused=args.paused,
         live_port=live,
         supervised=args.mode == "nodes",
+        **{name: getattr(args, name) for name in OPTIONS},
     )
     frame = open_run(settings, Path(args.out), args.resume, shown=args.scene, bed_progress=bed_progress)
     say_opened(frame)
@@ -109,7 +108,7 @@ def _say_where_nodes_are(run: RunSettings, domain: int, namespace: str) -> None:
     """Print where other programs find the nodes, and which nodes must be started by the user."""
     place = f", namespace {namespace}" if namespace else ""
     say(f"nodes in ROS_DOMAIN_ID={domain}{place}")
-    for node, key in nodes_from_outside(run.resolved.scene).items():
+    for node, key in external_nodes(run.resolved.scene).items():
         print(
             f"waiting for a node '{node}' of run '{run.run_id}' in ROS_DOMAIN_ID={domain}{place} ({key})",
             flush=True,
@@ -134,7 +133,7 @@ def _run_composed(frame: RunFrame, namespace: str, observer: RunObserver) -> Non
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         _avoid_full_memory(1)
-        from ...ros.process.composed import run_composed, scene_builds
+        from ...ros.nodes.composed import run_composed, scene_builds
 
         _say_where_nodes_are(frame.settings, domain, namespace)
         builds = scene_builds(frame.settings, observer)
@@ -176,7 +175,7 @@ def live_port(wanted: str | None) -> int:
     if wanted is None:
         return 0
     require("--live", "foxglove")
-    from ...recording.live import HOST
+    from ...recording.live_view import HOST
 
     if not wanted.isdecimal() or int(wanted) > 65535:
         raise InputError(f"live view: given '{wanted}'; it must be a port from 1024 to 65535, or 0 for any")
@@ -195,7 +194,7 @@ def live_port(wanted: str | None) -> int:
 def say_where(port: int) -> None:
     """Print the address of the live view, if there is one."""
     if port:
-        from ...recording.live import HOST
+        from ...recording.live_view import HOST
 
         print(f"live view: ws://{HOST}:{port} (Foxglove: Open connection, Foxglove WebSocket)", flush=True)
 

@@ -2,28 +2,27 @@
 
 The coupler grants ticks ahead within a window, motion and soil exchange messages tick by tick, a controller
 commands a driver at control ticks, and the recorder acknowledges ticks that it has written. In any order of
-messages each tick happens exactly once: a message that is missing, repeated, foreign or malformed is a
+messages each tick happens exactly once: a message that is missing, repeated, of another run or malformed is a
 ProtocolError. The last tick is granted with END. ABORT names the last tick of the record. A paused run stands
 at the end of a tick, until it is resumed or steps.
 """
 
-from .commander import Commander
 from .coupler import Coupler, FinishedTick
-from .handshake import CAPABILITIES, needed_capabilities
-from .names import (
+from .handshake import (
     ACK_EVERY_TICKS,
     ACK_LAG_TICKS,
+    CAPABILITIES,
     CONTROLLER,
     COUPLER,
     MECHANISM,
     RECORDER,
     SOIL,
-    nodes_from_outside,
+    external_nodes,
+    needed_capabilities,
     participants,
 )
-from .participant import Needs, Participant, Work
+from .participant import AnswerStream, Commander, Needs, Participant, Stream, Work
 from .record_barrier import RecordBarrier
-from .streams import AnswerStream, Stream
 
 __all__ = [
     "ACK_EVERY_TICKS",
@@ -43,7 +42,7 @@ __all__ = [
     "RecordBarrier",
     "Stream",
     "Work",
+    "external_nodes",
     "needed_capabilities",
-    "nodes_from_outside",
     "participants",
 ]

@@ -1,4 +1,4 @@
-"""The coupler's side: grants ticks, tracks their completion, ends the run."""
+"""The coupler's side: grants ticks within their limits, tracks their completion, ends the run."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,11 +18,77 @@ from ...messages import (
 )
 from ...schedule import Schedule
 from ...ticks import INITIAL_TICK
-from .checking import Checks
-from .handshake import check_node_status
-from .names import ACK_LAG_TICKS, CONTROLLER, RECORDER, SOIL
-from .pacing import Pacing
-from .streams import AnswerStream, CommandStream, Stream, refuse_other_tools
+from .handshake import ACK_LAG_TICKS, CONTROLLER, RECORDER, SOIL, check_node_status
+from .participant import AnswerStream, CommandStream, Stream, refuse_other_tools
+
+
+class Checks:
+    """Limit of the grants: no tick beyond a check tick is granted before its decision.
+
+    The tick before the first one of a resumed run may be a check tick, too.
+    """
+
+    def __init__(self, schedule: Schedule) -> None:
+        self._interval = schedule.check_ticks
+        self._pending = schedule.next_check(schedule.first_tick - 1) if self._interval else None
+
+    def decide(self, tick: int) -> None:
+        """Note that the decision of check tick `tick` is made.
+
+        Raises:
+            ProtocolError: another check tick, or none, is to be decided.
+        """
+        if self._pending is None or tick != self._pending:
+            awaited = "no tick" if self._pending is None else f"tick {self._pending}"
+            raise ProtocolError(f"check of tick {tick}: {awaited} is to be decided")
+        self._pending += self._interval
+
+    def limit(self, tick: int) -> int:
+        """The last tick up to `tick` that may be granted."""
+        return tick if self._pending is None else min(tick, self._pending)
+
+
+@dataclass
+class Pacing:
+    """The last tick that may be granted while the run is paused; None while it is not.
+
+    Ticks granted before the pause are still done: the run then stands at the end of a tick.
+    """
+
+    hold_tick: int | None = None
+
+    @property
+    def paused(self) -> bool:
+        """Whether the run stands, or will stand when the granted ticks are done."""
+        return self.hold_tick is not None
+
+    def pause(self, granted: int) -> int:
+        """Stop after the granted ticks; return the tick at whose end the run stands."""
+        self.hold_tick = granted
+        return granted
+
+    def resume(self) -> None:
+        """End the pause."""
+        self.hold_tick = None
+
+    def step(self, count: int, last_tick: int) -> int:
+        """Allow `count` more ticks, then stand again; return the last of them.
+
+        Raises:
+            ProtocolError: the run is not paused, has no tick left, or count is below 1.
+        """
+        if self.hold_tick is None:
+            raise ProtocolError("step: the run is not paused; pause it first")
+        if count < 1:
+            raise ProtocolError(f"step: {count} steps asked for; give 1 or more")
+        if self.hold_tick >= last_tick:
+            raise ProtocolError(f"step: the run ends with tick {last_tick}, no tick is left")
+        self.hold_tick = min(self.hold_tick + count, last_tick)
+        return self.hold_tick
+
+    def limit(self, tick: int) -> int:
+        """The last tick up to `tick` that may be granted."""
+        return tick if self.hold_tick is None else min(tick, self.hold_tick)
 
 
 @dataclass(frozen=True)
@@ -107,7 +173,7 @@ class Coupler:
         """
         if node_status.node not in self._names:
             return
-        self._statuses.refuse_foreign(node_status.run_id, node_status.tick)
+        self._statuses.refuse_other_run(node_status.run_id, node_status.tick)
         known = self._process_ids.setdefault(node_status.node, node_status.process_id)
         if known != node_status.process_id:
             raise ProtocolError(
@@ -197,7 +263,7 @@ class Coupler:
 
     def accept_ack(self, ack: TickAck) -> None:
         """Accept the recorder's acknowledgement that everything up to a tick is written."""
-        self._acks.refuse_foreign(ack.run_id, ack.tick)
+        self._acks.refuse_other_run(ack.run_id, ack.tick)
         self._refuse_ungranted("tick_ack", ack.tick)
         if ack.tick <= self.acknowledged_tick:
             raise ProtocolError(f"tick_ack: tick {ack.tick} came after tick {self.acknowledged_tick}")

@@ -1,13 +1,49 @@
-"""Handshake by NodeStatus: properties common to all nodes of a run, and capabilities that the scene needs."""
+"""Nodes of a run, and their handshake by NodeStatus: properties of all, capabilities that the scene needs."""
 
 from collections.abc import Iterable, Mapping
 
 from ...contact_laws.registry import contact_laws
 from ...errors import ProtocolError
 from ...messages import NodeStatus
+from ...scene.controller import External
 from ...scene.scene import Scene
 from ...source_digest import law_digests
-from .names import MECHANISM, RECORDER, SOIL
+
+COUPLER = "coupler"
+MECHANISM = "mechanism"
+SOIL = "soil"
+RECORDER = "recorder"
+CONTROLLER = "controller"
+
+ACK_LAG_TICKS = 256
+"""Largest number of ticks that the recorder may be behind the grants."""
+
+ACK_EVERY_TICKS = 16
+"""Largest number of ticks between acknowledgements; below ACK_LAG_TICKS, or the run would stand still."""
+
+
+def participants(scene: Scene) -> tuple[str, ...]:
+    """Nodes that a run of the scene needs beside the coupler."""
+    parts = ((MECHANISM, scene.moved_by_participant), (SOIL, scene.soil is not None))
+    names = [name for name, there in parts if there]
+    if scene.controller is not None:
+        names.append(CONTROLLER)
+    if scene.record.bag:
+        names.append(RECORDER)
+    return tuple(names)
+
+
+def external_nodes(scene: Scene) -> dict[str, str]:
+    """Nodes of a run that other programs provide, with the scene key that makes them external."""
+    found = {}
+    if scene.external_machine:
+        found[MECHANISM] = "tools.*.path.external: true"
+    if scene.external_soil:
+        found[SOIL] = "soil.model: external"
+    if scene.controller is not None and isinstance(scene.controller.law, External):
+        found[CONTROLLER] = "controller.law: external"
+    return found
+
 
 TICK_MEAN = "tick_mean"
 """Capability: coupling.force: tick_mean."""
@@ -22,13 +58,13 @@ CONTACT_LAW = "contact_law"
 """Capability: a contact law of another package, "contact_law KIND DIGEST" with the digest of its sources."""
 
 
-def _outside_law(kind: str) -> str | None:
+def _installed_law(kind: str) -> str | None:
     """The capability of a law's kind as installed here; None if it is a law of this package."""
     digest = law_digests().get(kind)
     return None if digest is None else f"{CONTACT_LAW} {kind} {digest[:16]}"
 
 
-_LAWS = tuple(filter(None, map(_outside_law, contact_laws())))
+_LAWS = tuple(filter(None, map(_installed_law, contact_laws())))
 
 CAPABILITIES: Mapping[str, tuple[str, ...]] = {
     MECHANISM: (DRIVER_COMMAND, EARLY_END),
@@ -48,7 +84,7 @@ def needed_capabilities(scene: Scene) -> dict[str, dict[str, str]]:
 
     if scene.soil is not None and scene.coupling.force == "tick_mean":
         add(TICK_MEAN, "coupling.force: tick_mean", SOIL)
-    if scene.particle_soil is not None and (law := _outside_law(scene.particle_soil.law.kind)):
+    if scene.particle_soil is not None and (law := _installed_law(scene.particle_soil.law.kind)):
         add(law, f"soil.law.kind: {scene.particle_soil.law.kind}", SOIL)
     if scene.controller is not None:
         add(DRIVER_COMMAND, "controller", MECHANISM, RECORDER)

@@ -1,12 +1,124 @@
-"""Motion or soil: accepts messages in any interleaving, and returns each tick once, in order."""
+"""Motion, soil and controller: they accept messages in any interleaving, and do each tick once, in order.
 
+Streams, which the coupler has too, hold the ticks of one kind of message: all of one run, each exactly once.
+"""
+
+from collections import deque
 from dataclasses import dataclass
 from enum import Enum
+from typing import Generic, TypeVar
 
 from ...errors import ProtocolError
-from ...messages import Command, DriverCommand, Grant, ToolMotion, ToolMotions, ToolWrench, ToolWrenches
+from ...messages import (
+    Command,
+    DriverCommand,
+    Grant,
+    MechanismState,
+    ToolMotion,
+    ToolMotions,
+    ToolWrench,
+    ToolWrenches,
+)
 from ...schedule import Schedule
-from .streams import AnswerStream, CommandStream, Stream
+from ...ticks import INITIAL_TICK
+
+Answer = TypeVar("Answer", ToolMotions, ToolWrenches)
+
+
+class Stream:
+    """The ticks of one kind of message: all of one run, each exactly once, in order.
+
+    Ticks are `first`, by default the first one of the run, `first` + `every`, and so on.
+    """
+
+    def __init__(
+        self, name: str, run_id: str, schedule: Schedule, first: int | None = None, every: int = 1
+    ) -> None:
+        self.next_tick = schedule.first_tick if first is None else first
+        self._every = every
+        self._name = name
+        self._run_id = run_id
+        self._last_tick = schedule.last_tick
+
+    def accept(self, run_id: str, tick: int) -> None:
+        """Accept the next message.
+
+        Raises:
+            ProtocolError: it is of another run, or not of the expected tick.
+        """
+        self.refuse_other_run(run_id, tick)
+        if tick != self.next_tick:
+            what = (
+                "repeated" if tick < self.next_tick else f"{(tick - self.next_tick) // self._every} missing"
+            )
+            if (tick - self.next_tick) % self._every:
+                what = f"one is due every {self._every} ticks"
+            raise ProtocolError(f"{self._name}: tick {tick} came where tick {self.next_tick} is due ({what})")
+        if tick > self._last_tick:
+            raise ProtocolError(
+                f"{self._name}: tick {tick} came, but the run ends with tick {self._last_tick}"
+            )
+        self.next_tick += self._every
+
+    def refuse_other_run(self, run_id: str, tick: int) -> None:
+        """Raises ProtocolError if a message of `tick` is of another run."""
+        if run_id != self._run_id:
+            raise ProtocolError(
+                f"{self._name}: tick {tick} is of run '{run_id}', this is run '{self._run_id}', at tick "
+                f"{self.next_tick}; give every run a ROS_DOMAIN_ID of its own"
+            )
+
+
+def refuse_other_tools(name: str, tick: int, given: tuple[str, ...], tools: tuple[str, ...]) -> None:
+    if given != tools:
+        raise ProtocolError(f"{name}: tick {tick} has tools {list(given)}, the scene has {list(tools)}")
+
+
+class AnswerStream(Stream, Generic[Answer]):
+    """Motions or wrenches, kept until `take` returns them in order."""
+
+    def __init__(self, name: str, run_id: str, schedule: Schedule, tools: tuple[str, ...]) -> None:
+        super().__init__(name, run_id, schedule)
+        self._tools = tools
+        self._kept: deque[Answer] = deque()
+
+    def add(self, answer: Answer) -> None:
+        """Keep the next message. Raises ProtocolError if it is not the next, or has other tools."""
+        self.accept(answer.run_id, answer.tick)
+        refuse_other_tools(self._name, answer.tick, tuple(t.tool for t in answer.tools), self._tools)
+        self._kept.append(answer)
+
+    def __len__(self) -> int:
+        return len(self._kept)
+
+    def take(self) -> Answer:
+        """Remove and return the oldest message kept."""
+        return self._kept.popleft()
+
+
+class CommandStream(Stream):
+    """Commands of a controller, at the control ticks of the run."""
+
+    def __init__(self, run_id: str, schedule: Schedule) -> None:
+        first = schedule.next_control(schedule.first_tick)
+        super().__init__("driver_command", run_id, schedule, first, schedule.control_ticks)
+        self._controlled = schedule.control_ticks > 0
+        self._kept: deque[DriverCommand] = deque()
+
+    def add(self, command: DriverCommand) -> None:
+        """Keep the next command. Raises ProtocolError if it is not the next."""
+        if not self._controlled:
+            raise ProtocolError(f"driver_command: tick {command.tick} came, but the scene has no controller")
+        self.accept(command.run_id, command.tick)
+        self._kept.append(command)
+
+    def has(self, tick: int) -> bool:
+        """Whether the command of `tick` has come."""
+        return bool(self._kept) and self._kept[0].tick == tick
+
+    def take(self) -> DriverCommand:
+        """Remove and return the oldest command kept."""
+        return self._kept.popleft()
 
 
 class Needs(Enum):
@@ -69,7 +181,7 @@ class Participant:
     def accept_grant(self, grant: Grant) -> None:
         """Accept a grant. ABORT may come at any time; no tick is returned after it."""
         if grant.command is Command.ABORT:
-            self._grants.refuse_foreign(grant.run_id, grant.tick)
+            self._grants.refuse_other_run(grant.run_id, grant.tick)
             self.abort = self.abort or grant
             return
         if self._ended and grant.tick > self.last_tick:
@@ -94,7 +206,7 @@ class Participant:
         Raises:
             ProtocolError: it has not, or a later tick is granted.
         """
-        self._grants.refuse_foreign(grant.run_id, grant.tick)
+        self._grants.refuse_other_run(grant.run_id, grant.tick)
         if self._at_work or grant.tick != self.done_tick or self._grants.next_tick != grant.tick + 1:
             raise ProtocolError(
                 f"grant: CHECKPOINT came for tick {grant.tick}, done is tick {self.done_tick}, granted tick "
@@ -149,3 +261,45 @@ class Participant:
     def finished(self) -> bool:
         """Whether the last tick is done."""
         return self.done_tick == self.last_tick
+
+
+class Commander:
+    """Accepts the mechanism's states, each once and in order, and returns the ticks that need a command.
+
+    The command of tick k follows from the state after tick k - 1. In a resumed run whose first tick needs
+    one, the state before that tick comes first. The state of INITIAL_TICK needs no command.
+    """
+
+    def __init__(self, run_id: str, schedule: Schedule) -> None:
+        self.abort: Grant | None = None
+        self._schedule = schedule
+        self._run_id = run_id
+        every = schedule.series_ticks
+        first = schedule.first_tick // every * every + every - 1
+        if schedule.control_due(schedule.first_tick):
+            first = schedule.first_tick - 1
+        self._states = Stream("mechanism_state", run_id, schedule, first, every)
+
+    def accept_state(self, state: MechanismState) -> int | None:
+        """Accept a state; return the tick that needs a command now, or None.
+
+        Raises:
+            ProtocolError: it is of another run, or not of the expected tick.
+        """
+        schedule = self._schedule
+        beside = state.tick in (INITIAL_TICK, schedule.last_tick)  # before the run, or at its end
+        if beside and state.tick != self._states.next_tick:
+            self._states.refuse_other_run(state.run_id, state.tick)
+            return None
+        self._states.accept(state.run_id, state.tick)
+        tick = state.tick + 1
+        return tick if schedule.control_due(tick) and tick <= schedule.last_tick else None
+
+    def accept_grant(self, grant: Grant) -> None:
+        """Accept a grant; only an abort has an effect."""
+        if grant.command is Command.ABORT and grant.run_id == self._run_id:
+            self.abort = self.abort or grant
+
+    def is_last(self, tick: int) -> bool:
+        """Whether no command follows that of `tick`."""
+        return self._schedule.next_control(tick + 1) > self._schedule.last_tick

@@ -6,7 +6,7 @@ from typing import Generic, TypeVar
 from ...errors import ProtocolError
 from ...schedule import Schedule
 from ...ticks import INITIAL_TICK
-from .names import ACK_EVERY_TICKS
+from .handshake import ACK_EVERY_TICKS
 
 Payload = TypeVar("Payload")
 

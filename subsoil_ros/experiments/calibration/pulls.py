@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...analysis.columns import TIME, FacetGroup, PlanarTool
 from ...api.execution import execute
-from ...api.simulate import simulate
+from ...api.run_frame import simulate
 from ...coupling.engines import Soil
 from ...coupling.observer import RunWatch
 from ...coupling.run_settings import RunSettings

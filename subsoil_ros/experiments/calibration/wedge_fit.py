@@ -13,9 +13,9 @@ from ...messages import ToolMotion
 from ...scene.tool_faces import CuttingFace, cutting_faces
 from ...scene.tool_mesh import load_tool_mesh
 from ...scene.wedge_soil import SoilRange, WedgeValues
-from ...wedge.engine import WedgeEngine
-from ...wedge.strength import strength_of
-from ...wedge.wedge import Failure, Plate, failure
+from ...wedge.failure_wedge import Failure, Plate, failure
+from ...wedge.wedge_engine import WedgeEngine
+from ...wedge.wedge_forces import strength_of
 from ...yaml_document import Document
 from .fluctuation import Fluctuation, fit_wedges
 from .pulls import START, Measured, PullNumbers, numbers, pull, shortest_wave_m

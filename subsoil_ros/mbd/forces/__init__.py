@@ -1,16 +1,12 @@
 """Force elements: one module per kind, with its law, its modes, its report, and its table row.
 
-A new kind needs
-- an entry in scene/mechanism.py: a class with a `kind` of its own, in the union `Force`;
-- a number in table.py;
-- a module here: kernels `add` (onto the generalised forces and powers), `report`, and `mode_at` if its law
-  has kinks; or, between two bodies, `measure` alone, with the law of elastic.py; and `fill`;
-- a line in FILL_OF_SCENE below, and in the three kernels of evaluation.py;
-- a row in docs/mechanism.md and a test in closed form (tests/physics/test_mbd_forces.py).
+A new kind needs a class in scene/mechanism.py, a module here and a line in MODULE_OF_SCENE; CONTRIBUTING.md
+adds one. Its module has a KIND of its own, `fill`, and the kernels `add` (onto the generalised forces and
+powers), `mode_at` (the smooth part of its law that holds, if that has kinks) and `report`; or, between two
+bodies, `measure` alone, with the law of elastic.py, and a branch of _measure in evaluation.py.
 """
 
-from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
 from ...scene.mechanism import (
     CoordinateSpring,
@@ -23,26 +19,38 @@ from ...scene.mechanism import (
     TorsionSpring,
     WheelContact,
 )
-from ..frames import ReferencePoses
-from ..time_functions import FunctionList
+from ..function_tables import FunctionList
+from ..geometry import ReferencePoses
 from . import (
     coordinate_spring,
-    joint_friction,
-    joint_stops,
     point_load,
     spring_damper,
     torsion_spring,
     wheel_contact,
 )
-from .builder import Builder, ForceTables
+from .force_table import Builder, ForceTables
+from .in_joints import fill_friction_of, fill_stops_of
 
-FILL_OF_SCENE: dict[type, Callable[[Builder, str, Any], None]] = {
-    SpringDamper: spring_damper.fill,
-    TorsionSpring: torsion_spring.fill,
-    CoordinateSpring: coordinate_spring.fill,
-    PointLoad: point_load.fill,
-    WheelContact: wheel_contact.fill,
+
+class ForceKind(Protocol):
+    """The module of a kind."""
+
+    def fill(self, builder: Builder, name: str, force: Any) -> None:
+        """Add its row to the table."""
+
+
+MODULE_OF_SCENE: dict[type, ForceKind] = {
+    SpringDamper: spring_damper,
+    TorsionSpring: torsion_spring,
+    CoordinateSpring: coordinate_spring,
+    PointLoad: point_load,
+    WheelContact: wheel_contact,
 }
+
+OF_THEIR_OWN: tuple[Any, ...] = tuple(
+    module for module in MODULE_OF_SCENE.values() if hasattr(module, "KIND")
+)
+"""Modules with kernels of their own; the others have the law of elastic.py."""
 
 
 def tabulate_forces(mechanism: Mechanism, poses: ReferencePoses, functions: FunctionList) -> ForceTables:
@@ -53,9 +61,9 @@ def tabulate_forces(mechanism: Mechanism, poses: ReferencePoses, functions: Func
     """
     builder = Builder(mechanism, poses, functions)
     for name, force in mechanism.forces.items():
-        FILL_OF_SCENE[type(force)](builder, name, force)
+        MODULE_OF_SCENE[type(force)].fill(builder, name, force)
     for name, joint in mechanism.joints.items():
         if isinstance(joint, Revolute | Prismatic | PointOnLine):
-            joint_friction.fill(builder, name, joint)
-            joint_stops.fill(builder, name, joint)
+            fill_friction_of(builder, name, joint)
+            fill_stops_of(builder, name, joint)
     return builder.tables()

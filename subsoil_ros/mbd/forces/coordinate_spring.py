@@ -1,47 +1,51 @@
 """Spring and damper on one coordinate against a time function: k (g(t) - q_c) + c (g' - q_c')."""
 
 from ...scene.mechanism import CoordinateSpring
-from ..compiled import inner_kernel
-from ..frames import COORDINATE_INDEX
-from ..tables import BY_DRIVERS, DISSIPATED
-from ..time_functions import function_rate, function_value
-from .builder import Builder
+from ..function_tables import function_rate, function_value
+from ..geometry import COORDINATE_INDEX
+from ..kernel_options import inner_kernel
+from ..machine_arrays import BY_DRIVERS, DISSIPATED
 from .elastic import spring_mode, spring_push
-from .table import COORDINATE_SPRING
+from .force_table import COORDINATE_SPRING, Builder
+
+KIND = COORDINATE_SPRING
 
 
 @inner_kernel
-def _stretch(model, force, time, select, q, v):
+def _stretch(model, force, at, q, v):
     """e = target - q, e', and the target's rate."""
+    time, select = at
     stretch = function_value(model.functions, force.functions[0], time, select) - q[force.coordinate]
     target_rate = function_rate(model.functions, force.functions[0], time, select)
     return stretch, target_rate - v[force.coordinate], target_rate
 
 
 @inner_kernel
-def add(model, force, mode, time, select, q, v, total, powers):
+def add(model, held, i, at, q, turns, v, total, powers):
     """Add its force; the work of a moving target counts as work of drivers."""
-    stretch, rate, target_rate = _stretch(model, force, time, select, q, v)
-    push, elastic, _ = spring_push(model, force, mode, stretch, rate)
+    force = model.forces[i]
+    stretch, rate, target_rate = _stretch(model, force, at, q, v)
+    push, elastic, _ = spring_push(model, force, held.modes[i], stretch, rate)
     total[force.coordinate] += push
     powers[BY_DRIVERS] += push * target_rate
     powers[DISSIPATED] += (push - elastic) * rate
 
 
 @inner_kernel
-def mode_at(model, force, time, select, q, v):
-    """Return its mode."""
+def mode_at(model, held, i, at, q, turns, v):
+    force = model.forces[i]
     if force.acts_in == 0:
         return 0
-    stretch, rate, _ = _stretch(model, force, time, select, q, v)
+    stretch, rate, _ = _stretch(model, force, at, q, v)
     return spring_mode(model, force, stretch, rate, 0.0, 0.0)
 
 
 @inner_kernel
-def report(model, force, mode, time, select, q, v):
+def report(model, held, i, at, q, turns, v):
     """Coordinate, its rate, force, and energy stored."""
-    stretch, rate, _ = _stretch(model, force, time, select, q, v)
-    push, _, stored = spring_push(model, force, mode, stretch, rate)
+    force = model.forces[i]
+    stretch, rate, _ = _stretch(model, force, at, q, v)
+    push, _, stored = spring_push(model, force, held.modes[i], stretch, rate)
     return q[force.coordinate], v[force.coordinate], push, stored
 
 

@@ -10,8 +10,8 @@ import math
 import numpy as np
 
 from ...scene.mechanism import RotationStops, TranslationStops
-from ..compiled import inner_kernel
-from .builder import Builder
+from ..kernel_options import inner_kernel
+from .force_table import Builder
 
 STOPS = 5
 """Number of states of a spring's stops."""

@@ -9,24 +9,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiled import inner_kernel, kernel, part_of_kernel
 from ..geometry import turns_of
-from ..tables import DISSIPATED, Model
-from . import coordinate_spring, joint_stops, point_load, spring_damper, torsion_spring, wheel_contact
+from ..kernel_options import inner_kernel, kernel, part_of_kernel
+from ..machine_arrays import DISSIPATED, Model
+from . import OF_THEIR_OWN, spring_damper, torsion_spring, wheel_contact
 from .elastic import has_modes, push_at, spring_mode
-from .joint_friction import friction_limit, friction_push, is_friction
-from .spring_damper import BEFORE
-from .sticking import stick_anchor, stick_mode
-from .table import (
-    COORDINATE_SPRING,
+from .force_table import (
     LOCKED_SPRING,
     LOCKED_TORSION,
-    POINT_LOAD,
     ROTATION_FRICTION,
     SPRING_DAMPER,
     TORSION_SPRING,
     WHEEL_CONTACT,
 )
+from .in_joints import friction_limit, friction_push, is_friction, measure_translation
+from .spring_damper import BEFORE
+from .sticking import stick_anchor, stick_mode
 
 
 class Held(NamedTuple):
@@ -53,13 +51,15 @@ def _measure(force, mode, q, turns, v):
         return torsion_spring.measure(force, q, v)
     if force.kind == SPRING_DAMPER or force.kind == LOCKED_SPRING:
         return spring_damper.measure(force, mode, q, turns, v)
-    return joint_stops.measure_translation(force, q, turns, v)
+    return measure_translation(force, q, turns, v)
 
 
 @inner_kernel
-def _add_between(model, held, i, q, turns, v, total, powers):
-    """Add a spring, stop or friction between two bodies."""
+def _add_between(model, held, i, at, q, turns, v, total, powers):
+    """Add a spring, stop or friction between two bodies; nothing for a locked spring."""
     force = model.forces[i]
+    if force.kind >= LOCKED_SPRING:
+        return
     mode = held.modes[i]
     value, rate, ux, uz, ax, az, bx, bz = _measure(force, mode, q, turns, v)
     if is_friction(force):
@@ -81,6 +81,65 @@ def _add_between(model, held, i, q, turns, v, total, powers):
     powers[DISSIPATED] += (elastic - push) * rate
 
 
+@inner_kernel
+def _mode_between(model, held, i, at, q, turns, v):
+    """The mode of such a force."""
+    force, mode = model.forces[i], 0
+    if is_friction(force):
+        if force.stick_stiffness > 0.0:
+            value, rate, _, _, _, _, _, _ = _measure(force, 0, q, turns, v)
+            limit = friction_limit(model, force, held.multipliers)
+            mode = stick_mode(force, held.modes[i], held.anchors[i], limit, value, rate)
+    elif force.kind < LOCKED_SPRING:
+        if has_modes(force):
+            value, rate, _, _, _, _, _, _ = _measure(force, 0, q, turns, v)
+            mode = spring_mode(model, force, force.length - value, -rate, value, rate)
+        if force.kind == SPRING_DAMPER:
+            mode += spring_damper.passing(model, force, q, turns, v)
+    return mode
+
+
+@inner_kernel
+def _report_between(model, held, i, at, q, turns, v):
+    """Length, angle or translation, its rate, force, and energy stored."""
+    force, mode, push, stored = model.forces[i], held.modes[i], 0.0, 0.0
+    value, rate, _, _, _, _, _, _ = _measure(force, mode, q, turns, v)
+    if is_friction(force):
+        push, _, stored = friction_push(model, force, mode, held.anchors[i], held.multipliers, value, rate)
+    elif force.kind < LOCKED_SPRING:
+        push, _, stored = push_at(model, force, mode % BEFORE, value, rate)
+    return value, rate, push, stored
+
+
+def _choose_add(kind, its, other):
+    @inner_kernel
+    def choose(model, held, i, at, q, turns, v, total, powers):
+        if model.forces[i].kind == kind:
+            its(model, held, i, at, q, turns, v, total, powers)
+        else:
+            other(model, held, i, at, q, turns, v, total, powers)
+
+    return choose
+
+
+def _choose_value(kind, its, other):
+    @inner_kernel
+    def choose(model, held, i, at, q, turns, v):
+        if model.forces[i].kind == kind:
+            return its(model, held, i, at, q, turns, v)
+        return other(model, held, i, at, q, turns, v)
+
+    return choose
+
+
+# `add`, `mode_at` and `report` of every kind as one, which chooses by the kind of the force
+_add, _mode_at, _report = _add_between, _mode_between, _report_between
+for _module in OF_THEIR_OWN:
+    _add = _choose_add(_module.KIND, _module.add, _add)
+    _mode_at = _choose_value(_module.KIND, _module.mode_at, _mode_at)
+    _report = _choose_value(_module.KIND, _module.report, _report)
+
+
 @kernel
 def evaluate_forces(model, held, time, select, q, turns, v, total, powers):
     """Generalised forces [N, N, N m] into `total` (n + 3,), and their `powers` (3,) [W]."""
@@ -89,38 +148,14 @@ def evaluate_forces(model, held, time, select, q, turns, v, total, powers):
     for i in range(1, model.mass.shape[0], 3):
         total[i] = -model.mass[i] * model.gravity
     for i in range(model.forces.shape[0]):
-        force = model.forces[i]
-        if force.kind == POINT_LOAD:
-            point_load.add(model, force, time, select, turns, v, total, powers)
-        elif force.kind == COORDINATE_SPRING:
-            coordinate_spring.add(model, force, held.modes[i], time, select, q, v, total, powers)
-        elif force.kind == WHEEL_CONTACT:
-            wheel_contact.add(force, held.modes[i], held.anchors[i], q, v, total, powers)
-        elif force.kind < LOCKED_SPRING:
-            _add_between(model, held, i, q, turns, v, total, powers)
+        _add(model, held, i, (time, select), q, turns, v, total, powers)
 
 
 @kernel
 def evaluate_modes(model, held, time, select, q, turns, v, modes):
     """Write the mode of every force at this state, which follows that in `held`, into `modes` (forces,)."""
     for i in range(model.forces.shape[0]):
-        force, before = model.forces[i], held.modes[i]
-        modes[i] = 0
-        if force.kind == WHEEL_CONTACT:
-            modes[i] = wheel_contact.mode_at(force, before, held.anchors[i], q, v)
-        elif force.kind == COORDINATE_SPRING:
-            modes[i] = coordinate_spring.mode_at(model, force, time, select, q, v)
-        elif is_friction(force):
-            if force.stick_stiffness > 0.0:
-                value, rate, _, _, _, _, _, _ = _measure(force, 0, q, turns, v)
-                limit = friction_limit(model, force, held.multipliers)
-                modes[i] = stick_mode(force, before, held.anchors[i], limit, value, rate)
-        elif force.kind < LOCKED_SPRING and force.kind != POINT_LOAD:
-            if has_modes(force):
-                value, rate, _, _, _, _, _, _ = _measure(force, 0, q, turns, v)
-                modes[i] = spring_mode(model, force, force.length - value, -rate, value, rate)
-            if force.kind == SPRING_DAMPER:
-                modes[i] += spring_damper.passing(model, force, q, turns, v)
+        modes[i] = _mode_at(model, held, i, (time, select), q, turns, v)
 
 
 @kernel
@@ -149,20 +184,7 @@ def report_forces(model, held, time, select, q, turns, v, report):
     """
     total = 0.0
     for i in range(model.forces.shape[0]):
-        force, mode = model.forces[i], held.modes[i]
-        value, rate, push, stored = 0.0, 0.0, 0.0, 0.0
-        if force.kind == COORDINATE_SPRING:
-            value, rate, push, stored = coordinate_spring.report(model, force, mode, time, select, q, v)
-        elif force.kind == WHEEL_CONTACT:
-            value, rate, push, stored = wheel_contact.report(force, mode, held.anchors[i], q, v)
-        elif force.kind != POINT_LOAD:
-            value, rate, _, _, _, _, _, _ = _measure(force, mode, q, turns, v)
-            if is_friction(force):
-                push, _, stored = friction_push(
-                    model, force, mode, held.anchors[i], held.multipliers, value, rate
-                )
-            elif force.kind < LOCKED_SPRING:
-                push, _, stored = push_at(model, force, mode % BEFORE, value, rate)
+        value, rate, push, stored = _report(model, held, i, (time, select), q, turns, v)
         report[i, 0], report[i, 1], report[i, 2] = value, rate, push
         total += stored
     return total

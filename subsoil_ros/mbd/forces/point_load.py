@@ -1,17 +1,19 @@
 """A prescribed force and moment at a point fixed in the body, along world axes."""
 
 from ...scene.mechanism import PointLoad
-from ..compiled import inner_kernel
+from ..function_tables import function_value
 from ..geometry import turned
-from ..tables import BY_LOADS
-from ..time_functions import function_value
-from .builder import Builder
-from .table import POINT_LOAD
+from ..kernel_options import inner_kernel
+from ..machine_arrays import BY_LOADS
+from .force_table import POINT_LOAD, Builder
+
+KIND = POINT_LOAD
 
 
 @inner_kernel
-def add(model, force, time, select, turns, v, total, powers):
+def add(model, held, i, at, q, turns, v, total, powers):
     """Add its force and moment."""
+    force, (time, select) = model.forces[i], at
     body = 3 * force.body_b
     fx = function_value(model.functions, force.functions[0], time, select)
     fz = function_value(model.functions, force.functions[1], time, select)
@@ -21,6 +23,18 @@ def add(model, force, time, select, turns, v, total, powers):
     total[body + 1] += fz
     total[body + 2] += moment
     powers[BY_LOADS] += fx * v[body] + fz * v[body + 1] + moment * v[body + 2]
+
+
+@inner_kernel
+def mode_at(model, held, i, at, q, turns, v):
+    """Return its only mode."""
+    return 0
+
+
+@inner_kernel
+def report(model, held, i, at, q, turns, v):
+    """Report nothing, and no energy stored."""
+    return 0.0, 0.0, 0.0, 0.0
 
 
 def fill(builder: Builder, name: str, force: PointLoad) -> None:

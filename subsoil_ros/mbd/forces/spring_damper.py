@@ -9,12 +9,11 @@ import math
 
 from ...errors import SceneError
 from ...scene.mechanism import SpringDamper
-from ..compiled import inner_kernel
 from ..geometry import difference, relative_velocity
-from ..joints.table import ROD
-from .builder import Builder
+from ..joints.rows import ROD
+from ..kernel_options import inner_kernel
 from .elastic import fill_elastic, fill_stops
-from .table import LOCKED_SPRING, SPRING_DAMPER
+from .force_table import LOCKED_SPRING, SPRING_DAMPER, Builder
 
 BEFORE, BEYOND = 2**40, 2**41
 """Numbers added to the mode of a spring that is about to pass through its anchor, or just has."""

@@ -5,7 +5,7 @@ The spring is unstrained at the anchor, which follows the sliding. Modes: it sti
 although the contact does not slide that way. Source: Cundall and Strack 1979, Coulomb slider behind a spring.
 """
 
-from ..compiled import inner_kernel
+from ..kernel_options import inner_kernel
 
 STICKS, FORWARD, BACKWARD, GIVES_FORWARD, GIVES_BACKWARD = 0, 1, 2, 3, 4
 

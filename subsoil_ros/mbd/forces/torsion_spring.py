@@ -4,11 +4,10 @@ theta = phi_b - phi_a less that of the reference pose. Its elastic part and stop
 """
 
 from ...scene.mechanism import TorsionSpring
-from ..compiled import inner_kernel
-from ..joints.table import ROTATION_LOCK
-from .builder import Builder
+from ..joints.rows import ROTATION_LOCK
+from ..kernel_options import inner_kernel
 from .elastic import fill_elastic, fill_stops
-from .table import LOCKED_TORSION, TORSION_SPRING
+from .force_table import LOCKED_TORSION, TORSION_SPRING, Builder
 
 
 @inner_kernel

@@ -7,11 +7,12 @@ stick stiffness also CONTACTS times that of sticking.py, whose value is x + R ph
 import math
 
 from ...scene.mechanism import WheelContact
-from ..compiled import inner_kernel
-from ..tables import DISSIPATED
-from .builder import Builder
+from ..kernel_options import inner_kernel
+from ..machine_arrays import DISSIPATED
+from .force_table import WHEEL_CONTACT, Builder
 from .sticking import STICKS, stick_anchor, stick_mode, stick_push
-from .table import WHEEL_CONTACT
+
+KIND = WHEEL_CONTACT
 
 PRESSED = 1
 
@@ -39,31 +40,35 @@ def _contact(force, mode, anchor, q, v):
     elastic = force.stiffness * penetration
     normal = elastic + force.damping * rate if mode % CONTACTS == PRESSED else 0.0
     if force.stick_stiffness > 0.0:
-        friction, held, stored = 0.0, 0.0, 0.0
+        friction, sticking, stored = 0.0, 0.0, 0.0
         if mode % CONTACTS == PRESSED:
             limit = force.friction * normal
-            friction, held, stored = stick_push(
+            friction, sticking, stored = stick_push(
                 force, mode // CONTACTS, anchor, limit, rolled(force, q), slip
             )
-        return normal, elastic, friction, held, stored, penetration, rate, slip
+        return normal, elastic, friction, sticking, stored, penetration, rate, slip
     friction = -force.friction * normal * math.tanh(slip / force.slip_speed)
     return normal, elastic, friction, 0.0, 0.0, penetration, rate, slip
 
 
 @inner_kernel
-def add(force, mode, anchor, q, v, total, powers):
+def add(model, held, i, at, q, turns, v, total, powers):
     """Add its forces; friction acts at the rolling radius."""
-    normal, elastic, friction, held, _, _, rate, slip = _contact(force, mode, anchor, q, v)
+    force = model.forces[i]
+    normal, elastic, friction, sticking, _, _, rate, slip = _contact(
+        force, held.modes[i], held.anchors[i], q, v
+    )
     body = 3 * force.body_b
     total[body] += friction
     total[body + 1] += normal
     total[body + 2] += force.length * friction
-    powers[DISSIPATED] += (normal - elastic) * rate - (friction - held) * slip
+    powers[DISSIPATED] += (normal - elastic) * rate - (friction - sticking) * slip
 
 
 @inner_kernel
-def mode_at(force, before, anchor, q, v):
-    """Return the mode after `before`; a wheel that lands sticks or slides anew."""
+def mode_at(model, held, i, at, q, turns, v):
+    """Return the mode after that in `held`; a wheel that lands sticks or slides anew."""
+    force, before, anchor = model.forces[i], held.modes[i], held.anchors[i]
     normal, _, _, _, _, penetration, _, slip = _contact(force, PRESSED, anchor, q, v)
     if penetration <= 0.0:
         return 0
@@ -90,9 +95,12 @@ def anchor_at(force, before, after, anchor, q, v):
 
 
 @inner_kernel
-def report(force, mode, anchor, q, v):
+def report(model, held, i, at, q, turns, v):
     """Penetration, its rate, normal force, and energy stored."""
-    normal, elastic, _, _, stored, penetration, rate, _ = _contact(force, mode, anchor, q, v)
+    force = model.forces[i]
+    normal, elastic, _, _, stored, penetration, rate, _ = _contact(
+        force, held.modes[i], held.anchors[i], q, v
+    )
     return penetration, rate, normal, 0.5 * elastic * penetration + stored
 
 

@@ -1,36 +1,27 @@
 """Joints: one module per kind, with its equations, derivatives, right-hand sides, reaction and table row.
 
-A new kind needs
-- an entry in scene/mechanism.py: a class with a `kind` of its own, in the union `Joint`;
-- a number in table.py, below DRIVER unless its rows depend on time;
-- a module here: kernels `residual`, `jacobian` and `gamma` (made of rows.py where that fits), functions
-  `columns`, `angle_rows`, `fill` and `reaction` (see JointKind);
-- its lines in KINDS and MODULE_OF_SCENE below, and in the four kernels of constraints.py;
-- a row in docs/mechanism.md and a test in closed form (tests/physics/test_mbd_joints.py).
+A new kind needs a class in scene/mechanism.py, a module here (see SceneKind) and a line in MODULE_OF_SCENE;
+CONTRIBUTING.md adds one. Its kernels are made of rows.py where that fits.
 """
 
-from types import ModuleType
-from typing import Protocol
+from collections.abc import Callable
+from typing import Any, Protocol
 
 import numpy as np
 
 from ...scene.mechanism import Driver, Fixed, PointOnLine, Prismatic, Revolute
+from ..function_tables import FunctionList
+from ..geometry import ReferencePoses
 from . import driver, fixed, point_on_line, prismatic, revolute, rod, rotation_lock
-from .rows import Reaction
-from .table import (
-    DRIVER,
-    FIXED,
-    POINT_ON_LINE,
-    PRISMATIC,
-    RELATIVE_DRIVER,
-    REVOLUTE,
-    ROD,
-    ROTATION_LOCK,
-)
+from .rows import RELATIVE_DRIVER, ROD, ROTATION_LOCK, Reaction
 
 
 class JointKind(Protocol):
-    """Functions of a module beside its kernels and `fill`; `joint` is a row of the table."""
+    """The module of a kind; `joint` is a row of the table. The kernels write rows of Phi, unscaled."""
+
+    residual: Callable[..., None]  # (joint, q, turns, residual)
+    jacobian: Callable[..., None]  # (joint, q, turns, jacobian): Phi_q
+    gamma: Callable[..., None]  # (joint, q, turns, v, gamma): Phi_q q'', added
 
     def columns(self, joint: np.void) -> list[list[int]]:
         """Return the coordinates that each of its rows depends on."""
@@ -42,23 +33,28 @@ class JointKind(Protocol):
         """Return the reaction on body_b; `pushes` is the force of every row along its residual [N, N m]."""
 
 
-KINDS: dict[int, JointKind] = {
-    REVOLUTE: revolute,
-    PRISMATIC: prismatic,
-    FIXED: fixed,
-    POINT_ON_LINE: point_on_line,
-    ROD: rod,
-    ROTATION_LOCK: rotation_lock,
-    DRIVER: driver,
-    RELATIVE_DRIVER: driver,
-}
+class SceneKind(JointKind, Protocol):
+    """The module of a kind that scenes have."""
 
-MODULE_OF_SCENE: dict[type, ModuleType] = {
+    KIND: int  # a number of its own, below DRIVER
+
+    def fill(self, row: np.void, joint: Any, poses: ReferencePoses, functions: FunctionList) -> None:
+        """Fill in the row of the table of a joint of the scene; its number of rows of Phi follows."""
+
+
+MODULE_OF_SCENE: dict[type, SceneKind] = {
     Revolute: revolute,
     Prismatic: prismatic,
     PointOnLine: point_on_line,
     Fixed: fixed,
     Driver: driver,
+}
+
+KINDS: dict[int, JointKind] = {
+    **{module.KIND: module for module in MODULE_OF_SCENE.values()},
+    ROD: rod,
+    ROTATION_LOCK: rotation_lock,
+    RELATIVE_DRIVER: driver,
 }
 
 

@@ -3,10 +3,47 @@
 All results are scaled by the rows' scale; the Jacobian also by the columns' scale.
 """
 
-from ..compiled import kernel
-from . import driver, fixed, point_on_line, prismatic, revolute, rod
-from .rows import angle_jacobian, angle_residual
-from .table import DRIVER, FIXED, POINT_ON_LINE, PRISMATIC, REVOLUTE, ROD, ROTATION_LOCK
+from ..function_tables import function_integral, function_rate, function_value
+from ..kernel_options import kernel, part_of_kernel
+from . import KINDS, driver
+from .rows import DRIVER
+
+
+def _at_pose(name):
+    """The kernel `name` (residual, jacobian) of every kind as one, which chooses by the kind of the joint."""
+    chosen = getattr(driver, name)
+    for kind, module in KINDS.items():
+        if module is not driver:
+            chosen = _choose_at_pose(kind, getattr(module, name), chosen)
+    return chosen
+
+
+def _choose_at_pose(kind, its, other):
+    @part_of_kernel
+    def choose(joint, q, turns, rows):
+        if joint.kind == kind:
+            its(joint, q, turns, rows)
+        else:
+            other(joint, q, turns, rows)
+
+    return choose
+
+
+def _choose_in_motion(kind, its, other):
+    @part_of_kernel
+    def choose(joint, q, turns, v, rows):
+        if joint.kind == kind:
+            its(joint, q, turns, v, rows)
+        else:
+            other(joint, q, turns, v, rows)
+
+    return choose
+
+
+_residual, _jacobian, _gamma = _at_pose("residual"), _at_pose("jacobian"), driver.gamma
+for _kind, _module in KINDS.items():
+    if _module is not driver:
+        _gamma = _choose_in_motion(_kind, _module.gamma, _gamma)
 
 
 @kernel
@@ -14,20 +51,9 @@ def evaluate_residual(model, time, select, q, turns, residual):
     """Write Phi(q, t) into `residual` (m,) [m]; return the largest magnitude."""
     for i in range(model.joints.shape[0]):
         joint = model.joints[i]
-        if joint.kind == REVOLUTE:
-            revolute.residual(joint, q, turns, residual)
-        elif joint.kind == PRISMATIC:
-            prismatic.residual(joint, q, turns, residual)
-        elif joint.kind == FIXED:
-            fixed.residual(joint, q, turns, residual)
-        elif joint.kind == POINT_ON_LINE:
-            point_on_line.residual(joint, q, turns, residual)
-        elif joint.kind == ROD:
-            rod.residual(joint, q, turns, residual)
-        elif joint.kind == ROTATION_LOCK:
-            angle_residual(joint, joint.row, q, residual)
-        else:
-            driver.residual(model, joint, time, select, q, turns, residual)
+        if joint.kind >= DRIVER:
+            residual[joint.row] = function_integral(model.functions, joint.function, time, select)
+        _residual(joint, q, turns, residual)
     worst = 0.0
     for row in range(residual.shape[0]):
         residual[row] *= model.row_scale[row]
@@ -42,20 +68,7 @@ def evaluate_jacobian(model, q, turns, jacobian):
     """Write Phi_q into `jacobian` (m, n + 3), which must be zero where no joint has an entry."""
     for i in range(model.joints.shape[0]):
         joint = model.joints[i]
-        if joint.kind == REVOLUTE:
-            revolute.jacobian(joint, q, turns, jacobian)
-        elif joint.kind == PRISMATIC:
-            prismatic.jacobian(joint, q, turns, jacobian)
-        elif joint.kind == FIXED:
-            fixed.jacobian(joint, q, turns, jacobian)
-        elif joint.kind == POINT_ON_LINE:
-            point_on_line.jacobian(joint, q, turns, jacobian)
-        elif joint.kind == ROD:
-            rod.jacobian(joint, q, turns, jacobian)
-        elif joint.kind == ROTATION_LOCK:
-            angle_jacobian(joint, joint.row, jacobian)
-        else:
-            driver.jacobian(joint, q, turns, jacobian)
+        _jacobian(joint, q, turns, jacobian)
     for row in range(jacobian.shape[0]):
         for entry in range(model.sparsity.first[row], model.sparsity.first[row + 1]):
             column = model.sparsity.columns[entry]
@@ -69,7 +82,8 @@ def evaluate_speed(model, time, select, speed):
     for i in range(model.joints.shape[0]):
         joint = model.joints[i]
         if joint.kind >= DRIVER:
-            speed[joint.row] = model.row_scale[joint.row] * driver.speed(model, joint, time, select)
+            value = function_value(model.functions, joint.function, time, select)
+            speed[joint.row] = model.row_scale[joint.row] * value
 
 
 @kernel
@@ -78,17 +92,8 @@ def evaluate_gamma(model, time, select, q, turns, v, gamma):
     gamma[:] = 0.0
     for i in range(model.joints.shape[0]):
         joint = model.joints[i]
-        if joint.kind == REVOLUTE:
-            revolute.gamma(joint, q, turns, v, gamma)
-        elif joint.kind == PRISMATIC:
-            prismatic.gamma(joint, q, turns, v, gamma)
-        elif joint.kind == FIXED:
-            fixed.gamma(joint, q, turns, v, gamma)
-        elif joint.kind == POINT_ON_LINE:
-            point_on_line.gamma(joint, q, turns, v, gamma)
-        elif joint.kind == ROD:
-            rod.gamma(joint, q, turns, v, gamma)
-        elif joint.kind >= DRIVER:
-            driver.gamma(model, joint, time, select, q, turns, v, gamma)
+        if joint.kind >= DRIVER:
+            gamma[joint.row] = function_rate(model.functions, joint.function, time, select)
+        _gamma(joint, q, turns, v, gamma)
     for row in range(gamma.shape[0]):
         gamma[row] *= model.row_scale[row]

@@ -6,10 +6,12 @@ Absolute: q_c = offset + way. Relative: the same for n . d, n an axis fixed in b
 import numpy as np
 
 from ...scene.mechanism import GROUND, Driver
-from ..compiled import part_of_kernel
-from ..frames import COORDINATE_INDEX, ReferencePoses
-from ..time_functions import FunctionList, function_integral, function_rate, function_value
+from ..function_tables import FunctionList
+from ..geometry import COORDINATE_INDEX, ReferencePoses
+from ..kernel_options import part_of_kernel
 from .rows import (
+    DRIVER,
+    RELATIVE_DRIVER,
     Reaction,
     angle_columns,
     angle_jacobian,
@@ -20,14 +22,15 @@ from .rows import (
     line_jacobian,
     line_reaction,
 )
-from .table import DRIVER, RELATIVE_DRIVER
+
+KIND = DRIVER
 
 
 @part_of_kernel
-def residual(model, joint, time, select, q, turns, residual):
-    """The coordinate less its offset and way."""
+def residual(joint, q, turns, residual):
+    """The coordinate less its offset and its way, which is given in `residual`."""
     row = joint.row
-    way = function_integral(model.functions, joint.function, time, select)
+    way = residual[row]
     if joint.kind == DRIVER:
         residual[row] = q[joint.coordinate] - joint.offset - way
     elif joint.coordinate < 2:
@@ -49,15 +52,8 @@ def jacobian(joint, q, turns, jacobian):
 
 
 @part_of_kernel
-def speed(model, joint, time, select):
-    """u = -Phi_t."""
-    return function_value(model.functions, joint.function, time, select)
-
-
-@part_of_kernel
-def gamma(model, joint, time, select, q, turns, v, gamma):
-    """u', and the velocity terms of a relative driver of x or z."""
-    gamma[joint.row] = function_rate(model.functions, joint.function, time, select)
+def gamma(joint, q, turns, v, gamma):
+    """Add the velocity terms of a relative driver of x or z to u', which is given in `gamma`."""
     if joint.kind == RELATIVE_DRIVER and joint.coordinate < 2:
         line_gamma(joint, q, turns, v, gamma)
 

@@ -3,9 +3,9 @@
 import numpy as np
 
 from ...scene.mechanism import Fixed
-from ..compiled import part_of_kernel
-from ..frames import ReferencePoses
-from ..time_functions import FunctionList
+from ..function_tables import FunctionList
+from ..geometry import ReferencePoses
+from ..kernel_options import part_of_kernel
 from .rows import (
     Reaction,
     angle_columns,
@@ -17,7 +17,8 @@ from .rows import (
     points_jacobian,
     points_residual,
 )
-from .table import FIXED
+
+KIND = 2
 
 gamma = points_gamma  # gamma of the angle is zero
 
@@ -49,7 +50,7 @@ def angle_rows(joint: np.void) -> tuple[bool, ...]:
 def fill(row: np.void, joint: Fixed, poses: ReferencePoses, functions: FunctionList) -> None:
     """Fill in its row of the table."""
     fill_pair(row, joint, poses)
-    row["kind"] = FIXED
+    row["kind"] = KIND
     row["point_a"] = poses.point(joint.body_a, joint.point_m)
     row["point_b"] = poses.point(joint.body_b, joint.point_m)
 

@@ -3,10 +3,19 @@
 import numpy as np
 
 from ...scene.mechanism import PointOnLine, Prismatic
-from ..frames import ReferencePoses, across
-from ..time_functions import FunctionList
-from .rows import Reaction, fill_pair, line_columns, line_gamma, line_jacobian, line_reaction, line_residual
-from .table import POINT_ON_LINE
+from ..function_tables import FunctionList
+from ..geometry import ReferencePoses, across
+from .rows import (
+    Reaction,
+    fill_pair,
+    line_columns,
+    line_gamma,
+    line_jacobian,
+    line_reaction,
+    line_residual,
+)
+
+KIND = 3
 
 residual, jacobian, gamma = line_residual, line_jacobian, line_gamma
 columns = line_columns
@@ -22,7 +31,7 @@ def fill(
 ) -> None:
     """Fill in its row of the table."""
     fill_pair(row, joint, poses)
-    row["kind"] = POINT_ON_LINE
+    row["kind"] = KIND
     row["point_a"] = poses.point(joint.body_a, joint.point_m)
     row["point_b"] = poses.point(joint.body_b, joint.point_m)
     row["normal"] = poses.vector(joint.body_a, *across(joint.axis))

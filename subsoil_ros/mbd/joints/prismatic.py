@@ -3,9 +3,9 @@
 import numpy as np
 
 from ...scene.mechanism import Prismatic
-from ..compiled import part_of_kernel
-from ..frames import ReferencePoses
-from ..time_functions import FunctionList
+from ..function_tables import FunctionList
+from ..geometry import ReferencePoses
+from ..kernel_options import part_of_kernel
 from . import point_on_line
 from .rows import (
     Reaction,
@@ -17,7 +17,8 @@ from .rows import (
     line_jacobian,
     line_residual,
 )
-from .table import PRISMATIC
+
+KIND = 1
 
 gamma = line_gamma  # gamma of the angle is zero
 
@@ -49,7 +50,7 @@ def angle_rows(joint: np.void) -> tuple[bool, ...]:
 def fill(row: np.void, joint: Prismatic, poses: ReferencePoses, functions: FunctionList) -> None:
     """Fill in its row of the table."""
     point_on_line.fill(row, joint, poses, functions)
-    row["kind"] = PRISMATIC
+    row["kind"] = KIND
 
 
 def reaction(joint: np.void, q: np.ndarray, turns: np.ndarray, pushes: np.ndarray) -> Reaction:

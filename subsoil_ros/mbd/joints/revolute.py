@@ -3,10 +3,18 @@
 import numpy as np
 
 from ...scene.mechanism import Revolute
-from ..frames import ReferencePoses
-from ..time_functions import FunctionList
-from .rows import Reaction, fill_pair, points_columns, points_gamma, points_jacobian, points_residual
-from .table import REVOLUTE
+from ..function_tables import FunctionList
+from ..geometry import ReferencePoses
+from .rows import (
+    Reaction,
+    fill_pair,
+    points_columns,
+    points_gamma,
+    points_jacobian,
+    points_residual,
+)
+
+KIND = 0
 
 residual, jacobian, gamma = points_residual, points_jacobian, points_gamma
 columns = points_columns
@@ -20,7 +28,7 @@ def angle_rows(joint: np.void) -> tuple[bool, ...]:
 def fill(row: np.void, joint: Revolute, poses: ReferencePoses, functions: FunctionList) -> None:
     """Fill in its row of the table."""
     fill_pair(row, joint, poses)
-    row["kind"] = REVOLUTE
+    row["kind"] = KIND
     row["point_a"] = poses.point(joint.body_a, joint.point_m)
     row["point_b"] = poses.point(joint.body_b, joint.point_b_m or joint.point_m)
 

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from ..compiled import part_of_kernel
 from ..geometry import difference
+from ..kernel_options import part_of_kernel
 from .rows import Reaction, along_jacobian, along_rates, line_columns
 
 columns = line_columns

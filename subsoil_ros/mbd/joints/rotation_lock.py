@@ -2,9 +2,23 @@
 
 import numpy as np
 
-from .rows import Reaction, angle_columns
+from ..kernel_options import part_of_kernel
+from .rows import Reaction, angle_columns, angle_jacobian, angle_residual, no_gamma
 
+gamma = no_gamma
 columns = angle_columns
+
+
+@part_of_kernel
+def residual(joint, q, turns, residual):
+    """The angle."""
+    angle_residual(joint, joint.row, q, residual)
+
+
+@part_of_kernel
+def jacobian(joint, q, turns, jacobian):
+    """Jacobian of the angle."""
+    angle_jacobian(joint, joint.row, jacobian)
 
 
 def angle_rows(joint: np.void) -> tuple[bool, ...]:

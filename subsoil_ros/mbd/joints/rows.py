@@ -1,16 +1,39 @@
-"""Rows of Phi that joints consist of: two coincident points, a point on a line, an angle.
+"""Table of joints that kernels read, and rows of Phi that joints consist of.
 
-Each has its value, its entries of the Jacobian, and gamma = Phi_q q'' without the terms of a driver; all
-unscaled, d = p_b - p_a (geometry.py). Sources: docs/mechanism.md.
+Rows: two coincident points, a point on a line, an angle. Each has its value, its entries of the Jacobian, and
+gamma = Phi_q q'' without the terms of a driver; all unscaled, d = p_b - p_a (geometry.py). Sources:
+docs/mechanism.md.
 """
 
 from typing import Protocol
 
 import numpy as np
 
-from ..compiled import part_of_kernel
-from ..frames import ReferencePoses
-from ..geometry import difference, relative_velocity, turned
+from ..geometry import ReferencePoses, difference, relative_velocity, turned
+from ..kernel_options import part_of_kernel
+
+ROD, ROTATION_LOCK = 4, 5
+"""Kinds of joints that replace locked springs; those of a scene have their KIND in their module."""
+
+DRIVER, RELATIVE_DRIVER = 100, 101
+"""Above all other kinds, as their rows depend on time: kind >= DRIVER."""
+
+JOINT = np.dtype(
+    [
+        ("kind", np.int64),
+        ("body_a", np.int64),
+        ("body_b", np.int64),
+        ("row", np.int64),  # its first row of Phi
+        ("coordinate", np.int64),  # driver: index into q; relative driver: 0 x, 1 z, 2 angle
+        ("function", np.int64),  # driver: its speed
+        ("point_a", np.float64, 2),  # in the frame of body_a [m]
+        ("point_b", np.float64, 2),  # in the frame of body_b [m]
+        ("normal", np.float64, 2),  # unit vector in the frame of body_a: of a line; relative driver: its axis
+        ("offset", np.float64),  # phi_b - phi_a [rad]; rod: length [m]; driver: start of the coordinate
+    ],
+    align=True,
+)
+
 
 Reaction = tuple[float, float, float]
 """Force x, z [N] on body_b at the joint's point, and moment [N m]."""
@@ -139,6 +162,11 @@ def line_reaction(joint: np.void, turns: np.ndarray, push: float) -> Reaction:
 
 
 # phi_b - phi_a - offset = 0: one row, whose gamma is zero
+
+
+@part_of_kernel
+def no_gamma(joint, q, turns, v, gamma):
+    """Leave gamma at zero."""
 
 
 @part_of_kernel

@@ -2,16 +2,14 @@
 
 import statistics
 import time
-from collections.abc import Mapping
 from functools import partial
-from typing import Any
 
 from rclpy.context import Context
 
 from ...analysis.known_mean import build_stop_rule
 from ...coupling.checkpoints import CouplingState
 from ...coupling.energy_account import InterfaceWork
-from ...coupling.exit_status import KEEP_S, SIGNAL_STATUS, ExitStatus
+from ...coupling.exit_status import SIGNAL_STATUS, ExitStatus
 from ...coupling.observer import RunObserver
 from ...coupling.protocol import (
     ACK_LAG_TICKS,
@@ -26,6 +24,7 @@ from ...coupling.protocol import (
 )
 from ...coupling.run_settings import RunSettings
 from ...coupling.tick_rules import TickRules
+from ...coupling.time_limits import DEADLINE_S, END_WORD_S, KEEP_S, PROGRESS_S, STARTUP_S
 from ...errors import RunError
 from ...messages import (
     CouplingReport,
@@ -37,23 +36,18 @@ from ...messages import (
     ToolMotions,
     ToolWrenches,
 )
-from ...recording.standard import clock
+from ...recording.standard_messages import clock
 from ...recording.topics import CLOCK
 from ...recording.types import serialize
 from ...ticks import INITIAL_TICK, tick_end_ns
-from ..process.heartbeat import STARTUP_S, Heartbeat, first_status
-from ..process.node_process import report_to_supervisor, run_process
-from ..services.diagnostics import Health, Level
-from ..services.pause_services import PauseServices
-from ..services.run_clock import RunClock
-from ..services.run_control import RunControl
-from ..services.simulation_services import SimulationServices, StepsAction
-from ..transport.message_classes import rclpy_class
-from ..transport.qos import VISUALIZATION_QOS
-from .lockstep_node import LockstepNode, one_line
-
-DEADLINE_S = 60.0
-"""Smallest time limit of a tick: kernels that a later tick needs may have to be compiled."""
+from ...yaml_document import Document
+from ..process.heartbeat import Heartbeat, first_status
+from ..process.node_process import one_line, report_to_supervisor, run_process
+from ..transport.qos import VISUALIZATION_QOS, rclpy_class
+from .diagnostics import Health, Level
+from .lockstep_node import LockstepNode
+from .run_control import RunControl
+from .run_services import PauseServices, SimulationServices, StepsAction
 
 DEADLINE_MEDIANS = 50.0
 """Time limit of a tick over the median of the last ticks, where that is longer."""
@@ -61,15 +55,34 @@ DEADLINE_MEDIANS = 50.0
 NEAR = 0.5
 """Part of a bound at which diagnostics warn: early enough to act before the run ends or waits at it."""
 
-END_WORD_S = 10.0
-"""Time for the status ENDED of the coupler to reach every node."""
-
-PROGRESS_S = 10.0
-"""Wall time between two lines of the log about progress: six a minute, so a run of hours can be followed."""
-
 REST_S = 0.001
 REST_WINDOW = 4
 """The coupler pauses for the grant window over this number, a quarter of it: no node waits for a grant."""
+
+
+class _RunClock:
+    """Wall time of a run from `start` on [s], without pauses; 0 before."""
+
+    def __init__(self) -> None:
+        self._start = time.monotonic()
+        self._stopped: float | None = self._start  # start of the present pause; None: the clock runs
+
+    def start(self, before_s: float = 0.0) -> None:
+        """Start the clock at `before_s`, the time of earlier runs in a resumed one."""
+        self._start, self._stopped = time.monotonic() - before_s, None
+
+    def stand(self, standing: bool) -> None:
+        """Stop the clock while the run stands."""
+        now = time.monotonic()
+        if self._stopped is not None:
+            self._start += now - self._stopped
+        self._stopped = now if standing else None
+
+    @property
+    def elapsed_s(self) -> float:
+        """The wall time so far."""
+        now = time.monotonic() if self._stopped is None else self._stopped
+        return now - self._start
 
 
 class CouplerNode(LockstepNode):
@@ -103,7 +116,7 @@ class CouplerNode(LockstepNode):
         self._rules: TickRules | None = None  # from the initial exchange
         self._progress_tick = INITIAL_TICK
         self._last_advance = self._progress_s = time.monotonic()
-        self._wall = RunClock()
+        self._wall = _RunClock()
         self._grants = self.publisher(Grant, names)
         self._reports = self.publisher(CouplingReport, (RECORDER,))
         self._clock_publisher = self.create_publisher(
@@ -316,7 +329,8 @@ class CouplerNode(LockstepNode):
     def _follow(self) -> None:
         while (finished := self._coupler.take_finished()) is not None:
             self._apply_rules(finished)
-        self._control.note_done()
+        if self._control.waiting:
+            self._control.note_done()
         self._wall.stand(self._coupler.standing)
         self._grant()
         if self._coupler.finished:
@@ -350,7 +364,7 @@ class _ReportingObserver(RunObserver):
     def on_tick(self, tick: int) -> None:
         report_to_supervisor(tick=tick)
 
-    def on_check(self, result: Mapping[str, Any]) -> None:
+    def on_check(self, result: Document) -> None:
         report_to_supervisor(check=result)
 
 

@@ -1,82 +1,36 @@
 """Base class of the nodes of a run: readiness, end, and handling of errors."""
 
-import os
-import sys
 import threading
 import time
-import traceback
 from collections import deque
 from collections.abc import Callable
-from contextlib import suppress
 from typing import Any
 
 from rclpy.context import Context
-from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy
 from rclpy.subscription import Subscription
 
-from ...coupling.exit_status import SIGNAL_STATUS, ExitStatus
+from ...coupling.exit_status import ExitStatus
 from ...coupling.protocol import COUPLER, RECORDER
 from ...coupling.run_settings import RunSettings
-from ...errors import ProtocolError, RunError, SubsoilError
-from ...messages import Grant, NodeState, NodeStatus, ToolMotion, ToolWrench
+from ...coupling.time_limits import LAST_WORD_S, LONGEST_REST_S, POLL_S, WAITING_S
+from ...errors import ProtocolError, RunError
+from ...messages import Grant, NodeState, NodeStatus, RunRecord, ToolMotion, ToolWrench
 from ...recording.message_codec import reader, writer
 from ...recording.topics import TOPIC_OF
 from ..process.heartbeat import Heartbeat
-from ..services.diagnostics import Diagnostics, Health, Level
-from ..transport.message_classes import class_of
-from ..transport.publishers import foreign_publishers
-from ..transport.qos import qos_of
-from .message_loop import serve, serve_requests
-
-POLL_S = 0.1
-"""Interval of checks that no message triggers: matched endpoints, stop requests, silence."""
-
-LONGEST_REST_S = 0.05
-"""Longest time that a stop request can wait while the node sleeps."""
-
-WAITING_S = 1.0
-"""Shortest time between two lines of the log on what a starting node waits for. Nodes that are started
-together find each other in about that time, and so log little."""
+from ..process.node_process import OWN_TIME, log_end, one_line, say_trace
+from ..transport.private_rclpy import serve, serve_requests
+from ..transport.publishers import unknown_publishers
+from ..transport.qos import class_of, qos_of
+from .diagnostics import Diagnostics, Health, Level
 
 _MEASURED, _RECENT = 101, 4
 """Number of wake-ups whose tick times are kept, odd, so that the median is one of them; and number of the
 last ones whose least sets the pause: one alone may include a wait, more follow a change of speed later."""
-
-OWN_TIME = [Parameter("use_sim_time", value=False)]
-"""The nodes of a run ignore use_sim_time: the coupler publishes /clock, and none of them reads it."""
-
-LAST_WORD_S = 1.5
-"""Time limit for a last message to arrive; it passes in full if a receiver is dead."""
-
-
-def say(text: str) -> None:
-    """Write a line to standard error; ignore errors of a full disk or a closed pipe."""
-    with suppress(OSError):
-        os.write(sys.stderr.fileno(), (text + "\n").encode())  # past the buffer, which would fail at the exit
-
-
-def say_trace(error: BaseException) -> None:
-    """Write the traceback of an error to standard error, unless the error is one of this package."""
-    if not isinstance(error, SubsoilError):
-        say("".join(traceback.format_exception(error)).rstrip())
-
-
-def log_end(logger: RcutilsLogger, status: ExitStatus) -> None:
-    """Log why a run ended; nothing if all went well."""
-    if status.code > SIGNAL_STATUS:
-        logger.warning(status.reason)
-    elif status.code:
-        logger.error(status.reason)
-
-
-def one_line(error: BaseException) -> str:
-    """An error as a message of one line; unexpected kinds with their name."""
-    text = " ".join(str(error).split())
-    return text if isinstance(error, SubsoilError) and text else f"{type(error).__name__}: {text}"
 
 
 class LockstepNode(Node):
@@ -168,7 +122,7 @@ class LockstepNode(Node):
                 due += 1
                 handle(cdr)
             except ProtocolError:
-                self._refuse_foreign_publishers(subscription, partners)  # raises an error that names them
+                self._refuse_unknown_publishers(subscription, partners)  # raises an error that names them
                 raise
 
         subscription = self.create_subscription(
@@ -185,7 +139,7 @@ class LockstepNode(Node):
         self._writers[kind] = writer(kind, self._communication_step_ns)
         return publisher
 
-    def bytes_of(self, record: Any) -> bytes:
+    def bytes_of(self, record: RunRecord) -> bytes:
         """Serialized message of a record, of a kind that the node publishes."""
         return self._writers[type(record)](record)
 
@@ -272,7 +226,7 @@ class LockstepNode(Node):
         if isinstance(endpoint, Subscription):
             return set(names) if endpoint.get_publisher_count() < len(names) else set()
         listeners = self.get_subscriptions_info_by_topic(endpoint.topic_name)
-        # a foreign node may listen too; one with durability transient_local is never matched
+        # an unknown node may listen too; one with durability transient_local is never matched
         can_match = [
             item.node_name for item in listeners if item.qos_profile.durability == DurabilityPolicy.VOLATILE
         ]
@@ -293,7 +247,7 @@ class LockstepNode(Node):
         self.on_poll()
         if self.heartbeat.state is NodeState.STARTING:
             self._log_waiting()
-        if self._diagnostics.due():
+        if time.monotonic() >= self._diagnostics.due_s:
             self._diagnostics.publish(self.health(), self.heartbeat.tick)
 
     def _log_waiting(self) -> None:
@@ -312,9 +266,9 @@ class LockstepNode(Node):
             if not isinstance(endpoint, Subscription) or endpoint.topic_name.endswith(TOPIC_OF[NodeStatus]):
                 continue  # every node publishes its status
             if endpoint.get_publisher_count() > len(names):
-                self._refuse_foreign_publishers(endpoint, names)
+                self._refuse_unknown_publishers(endpoint, names)
 
-    def _refuse_foreign_publishers(self, subscription: Subscription, names: tuple[str, ...]) -> None:
+    def _refuse_unknown_publishers(self, subscription: Subscription, names: tuple[str, ...]) -> None:
         """Raises ProtocolError that names the publishers of a topic which are not of the run, if any are."""
         topic = subscription.topic_name
         if topic.endswith(TOPIC_OF[NodeStatus]):
@@ -323,7 +277,7 @@ class LockstepNode(Node):
             allowed = {*names, *run}  # a controller in another language may be one node
         else:
             allowed = set(names)
-        found = foreign_publishers(self, topic, allowed.__contains__, subscription.get_publisher_count())
+        found = unknown_publishers(self, topic, allowed.__contains__, subscription.get_publisher_count())
         if found:
             raise ProtocolError(
                 f"{topic.lstrip('/')}: {found} publishes on it; in a run only {', '.join(names)} may. Give "

@@ -1,6 +1,7 @@
 """The mechanism as a node: advances each granted tick under the soil's last wrenches."""
 
 import time
+from typing import cast
 
 from rclpy.context import Context
 
@@ -23,7 +24,7 @@ from ...messages import (
 from ...ticks import tick_end_ns
 from ..process.heartbeat import Heartbeat
 from ..process.node_process import run_process
-from ..services.diagnostics import Health
+from .diagnostics import Health
 from .lockstep_node import LockstepNode
 from .visualization_publisher import VisualizationPublisher
 
@@ -31,7 +32,7 @@ from .visualization_publisher import VisualizationPublisher
 class MechanismNode(LockstepNode):
     """Publishes the motions of every granted tick; has no clock and no physics of its own.
 
-    The engine is the scene's mechanism, or a machine from outside, which has no state to publish.
+    The engine is the scene's mechanism, or an external machine, which has no state to publish.
     """
 
     def __init__(
@@ -40,7 +41,7 @@ class MechanismNode(LockstepNode):
         super().__init__(MECHANISM, run, heartbeat, context)
         scene = run.resolved.scene
         self._engine = engine
-        self._mechanism: Mechanism | None = engine if scene.mechanism is not None else None  # type: ignore[assignment]
+        self._mechanism = cast(Mechanism, engine) if scene.mechanism is not None else None
         self._with_soil = scene.soil is not None
         needs = Needs.WRENCHES if self._with_soil else Needs.NOTHING
         self._participant = Participant(run.run_id, run.schedule, needs, tuple(scene.tools), commanded=True)
@@ -155,14 +156,19 @@ class MechanismNode(LockstepNode):
             self._checkpoint_writer.keep(tick, MECHANISM, self._engine)
 
 
-def build(run: RunSettings, heartbeat: Heartbeat, context: Context | None = None) -> MechanismNode:
-    """The node with its engine.
+def build(
+    run: RunSettings,
+    heartbeat: Heartbeat,
+    context: Context | None = None,
+    engine: MotionSource | None = None,
+) -> MechanismNode:
+    """The node with its engine: the scene's mechanism, unless another one is given.
 
     Raises:
         SceneError: the scene has no mechanism, or it cannot be assembled.
         InputError: the checkpoint to continue from does not fit.
     """
-    engine = build_mechanism(run.resolved)
+    engine = engine or build_mechanism(run.resolved)
     if engine is None:
         raise SceneError(f"{run.resolved.path}: has no 'mechanism'; no mechanism node is needed for it")
     if run.resumed is not None:

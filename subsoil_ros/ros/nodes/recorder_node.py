@@ -8,6 +8,7 @@ from rclpy.context import Context
 
 from ...coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, SOIL, RecordBarrier
 from ...coupling.run_settings import RunSettings
+from ...coupling.time_limits import CUT_S
 from ...errors import InputError, ProtocolError, RunError
 from ...loading.loader import ResolvedScene
 from ...messages import (
@@ -27,18 +28,15 @@ from ...messages import (
 )
 from ...recording.bag_writer import BagWriter, open_bag
 from ...recording.message_codec import reader, writer
-from ...recording.standard import time_ns_of
+from ...recording.standard_messages import time_ns_of
 from ...recording.topics import TOPIC_OF
 from ...recording.types import deserialize, message_type
 from ...scene.scene import Scene
 from ...ticks import INITIAL_TICK
 from ..process.heartbeat import Heartbeat
 from ..process.node_process import run_process
-from ..services.diagnostics import Health
+from .diagnostics import Health
 from .lockstep_node import LockstepNode
-
-CUT_S = 2.0
-"""After an abort, time for messages of the last finished tick to come in."""
 
 _LOCKSTEP = (Grant, DriverCommand, ToolMotions, ToolWrenches)
 
@@ -162,14 +160,14 @@ class RecorderNode(LockstepNode):
     def _on_grant(self, cdr: bytes) -> None:
         grant = self._read_grant(cdr)
         if grant.command is Command.ABORT:
-            self._refuse_foreign(Grant, grant.run_id, grant.tick)
+            self._refuse_other_run(Grant, grant.run_id, grant.tick)
             self._abort = grant
             self._cut_deadline = time.monotonic() + CUT_S
             self._barrier.cut(grant.tick)
             self._record()
             return
         if grant.command is Command.CHECKPOINT:
-            self._refuse_foreign(Grant, grant.run_id, grant.tick)
+            self._refuse_other_run(Grant, grant.run_id, grant.tick)
             self._barrier.note_finished(grant.tick)
             self._record()
             if self._barrier.done_tick == grant.tick:
@@ -178,7 +176,7 @@ class RecorderNode(LockstepNode):
                 self._keep_tick = grant.tick  # some of its messages have not come yet
             return
         if grant.command is Command.END:
-            self._refuse_foreign(Grant, grant.run_id, grant.tick)
+            self._refuse_other_run(Grant, grant.run_id, grant.tick)
             self._barrier.end(grant.tick)
         self._on_message(Grant, cdr)
 
@@ -197,7 +195,7 @@ class RecorderNode(LockstepNode):
         if kind is MechanismState and self.run.resumed is not None and tick - 1 < self._first_tick:
             return  # of the earlier run, published for the controller
         if kind in _LOCKSTEP:
-            self._refuse_foreign(kind, run_id, tick - 1)
+            self._refuse_other_run(kind, run_id, tick - 1)
         self._barrier.add(TOPIC_OF[kind], tick - 1, cdr)
         if kind is Grant:
             self._barrier.note_grant(tick - 1)
@@ -205,7 +203,7 @@ class RecorderNode(LockstepNode):
             self._barrier.note_finished(tick - 1)
         self._record()
 
-    def _refuse_foreign(self, kind: type, run_id: str, tick: int) -> None:
+    def _refuse_other_run(self, kind: type, run_id: str, tick: int) -> None:
         if run_id != self.run.run_id:
             raise ProtocolError(
                 f"{TOPIC_OF[kind]}: tick {tick} is of run '{run_id}', this is run '{self.run.run_id}', at "

@@ -6,7 +6,6 @@ from dataclasses import fields
 from rclpy.context import Context
 
 from ...coupling.checkpoints import CouplingState, restore_engine
-from ...coupling.cloud import recorded_cloud
 from ...coupling.engines import (
     PATHS,
     MotionSource,
@@ -32,15 +31,15 @@ from ...messages import (
     ToolWrench,
     ToolWrenches,
 )
-from ...recording.standard import tool_messages
+from ...recording.soil_clouds import recorded_cloud
+from ...recording.standard_messages import tool_messages
 from ...recording.topics import tool_topics
 from ...recording.types import serialize
 from ...ticks import INITIAL_TICK, tick_end_ns
 from ..process.heartbeat import Heartbeat
 from ..process.node_process import run_process
-from ..services.diagnostics import Health, Level
-from ..transport.message_classes import rclpy_class
-from ..transport.qos import VISUALIZATION_QOS
+from ..transport.qos import VISUALIZATION_QOS, rclpy_class
+from .diagnostics import Health, Level
 from .lockstep_node import LockstepNode
 from .visualization_publisher import VisualizationPublisher
 
@@ -175,7 +174,7 @@ class SoilNode(LockstepNode):
             self._wrenches.publish(self.bytes_of(ToolWrenches(self.run.run_id, tick, end_ns, wrenches)))
             if schedule.series_due(tick):
                 self._publish_state(tick)
-                self._publish_for_people(motions, wrenches, end_ns)
+                self._publish_standard_messages(motions, wrenches, end_ns)
             if self._clouds is not None and self._particles is not None and schedule.cloud_due(tick):
                 cloud = recorded_cloud(self._particles.cloud(tick, end_ns), self.run.resolved.scene.record)
                 self._clouds.publish(self.bytes_of(cloud))
@@ -200,7 +199,7 @@ class SoilNode(LockstepNode):
             for part, engine in self._parts():
                 self._checkpoint_writer.keep(tick, part, engine)
 
-    def _publish_for_people(
+    def _publish_standard_messages(
         self, motions: tuple[ToolMotion, ...], wrenches: tuple[ToolWrench, ...], end_ns: int
     ) -> None:
         if self._visualization is not None:
@@ -209,14 +208,16 @@ class SoilNode(LockstepNode):
             self._tool_publishers[topic].publish(serialize(message))
 
 
-def build(run: RunSettings, heartbeat: Heartbeat, context: Context | None = None) -> SoilNode:
-    """The node with its engine.
+def build(
+    run: RunSettings, heartbeat: Heartbeat, context: Context | None = None, engine: Soil | None = None
+) -> SoilNode:
+    """The node with its engine: the scene's soil, unless another one is given.
 
     Raises:
         SceneError: the scene has no soil.
         InputError: the checkpoint to continue from does not fit.
     """
-    engine = build_soil(run.resolved, run.threads)
+    engine = engine or build_soil(run.resolved, run.threads)
     if engine is None:
         raise SceneError(f"{run.resolved.path}: has no 'soil'; no soil node is needed for it")
     motion_source = None if run.resolved.scene.moved_by_participant else build_paths(run.resolved)

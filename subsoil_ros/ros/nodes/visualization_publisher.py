@@ -8,12 +8,10 @@ from rclpy.qos import DurabilityPolicy
 
 from ...loading.loader import ResolvedScene
 from ...messages import MechanismState, ToolMotion
-from ...recording.description import latched_messages
-from ...recording.standard import transforms
+from ...recording.standard_messages import latched_messages, transforms
 from ...recording.topics import LATCHED, TRANSFORMS
 from ...recording.types import serialize
-from ..transport.message_classes import rclpy_class
-from ..transport.qos import LATCHED_QOS, VISUALIZATION_QOS
+from ..transport.qos import LATCHED_QOS, VISUALIZATION_QOS, rclpy_class
 
 
 @dataclass

@@ -20,30 +20,14 @@ from ..._version import __version__
 from ...coupling.exit_status import ExitStatus
 from ...coupling.protocol import CAPABILITIES, COUPLER
 from ...coupling.run_settings import RunSettings
+from ...coupling.time_limits import HEARTBEAT_S, SILENCE_S, STALL_S, STARTUP_S
 from ...messages import NodeState, NodeStatus, ToolMotion, ToolWrench
 from ...recording.message_codec import reader, writer
 from ...recording.topics import TOPIC_OF
 from ...recording.types import own_type_hashes
 from ...ticks import INITIAL_TICK
-from ..services.parameter_services import ParameterServices
-from ..transport.message_classes import class_of
-from ..transport.qos import NODE_STATUS_QOS
-
-HEARTBEAT_S = 0.4
-SILENCE_S = 2.5
-"""Silence after which a node counts as dead, if its process was on this machine and has ended."""
-
-STALL_S = 10.0
-"""The same if its process lives, or is on another machine: it may lack processor time, compile, or be
-stopped."""
-
-STARTUP_S = 300.0
-"""Time limit until all nodes are ready: engines may have to be compiled."""
-
-LATE_S = 30.0
-"""Longest time that a failed coupler publishes its fault for nodes that are still starting. A node that
-starts later waits for STARTUP_S; a longer time would delay the end of the coupler's process, which under a
-supervisor waits less."""
+from ..transport.private_rclpy import ParameterServices
+from ..transport.qos import NODE_STATUS_QOS, class_of
 
 
 def first_status(run: RunSettings, node: str) -> NodeStatus:

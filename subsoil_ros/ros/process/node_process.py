@@ -1,39 +1,121 @@
-"""A node as an operating-system process: its start, signals, supervision, exit status."""
+"""A node as an operating-system process: its thread, signals, supervision, exit status."""
 
+import gc
 import json
 import os
 import sys
 import threading
+import traceback
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import partial
-from typing import Any, NoReturn
+from typing import Any, NoReturn, Protocol
 
 import rclpy
-from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-from ...coupling.exit_status import KEEP_S, SIGNAL_STATUS, ExitStatus, interrupted
-from ...coupling.protocol import COUPLER, RECORDER, nodes_from_outside
+from ...coupling.exit_status import SIGNAL_STATUS, ExitStatus, caught_signals, interrupted
+from ...coupling.protocol import COUPLER, RECORDER, external_nodes
 from ...coupling.run_settings import RunSettings
-from ...coupling.signals import caught_signals
-from ...errors import InputError, RunError
+from ...coupling.time_limits import CLOSE_S, KEEP_S, LAST_WORD_S, LATE_S, RETURN_S, STARTUP_GRACE_S
+from ...errors import InputError, RunError, SubsoilError
 from ...messages import NodeState
 from ...ticks import INITIAL_TICK
-from ..nodes.lockstep_node import LAST_WORD_S, OWN_TIME, LockstepNode, log_end, one_line, say
+from ..transport.private_rclpy import BAD_ARGUMENTS, Logger
 from ..transport.shared_memory import avoid_full_memory
-from .heartbeat import LATE_S, Heartbeat
-from .node_thread import Service
+from .heartbeat import Heartbeat
 from .parameters import ParameterKey, help_text, read_settings
-from .supervisor import STARTUP_GRACE_S
 
-GRACE_S = 2.0
-"""Time for a computing engine to return, so that the node ends in order; then the process ends itself."""
+OWN_TIME = [Parameter("use_sim_time", value=False)]
+"""The nodes of a run ignore use_sim_time: the coupler publishes /clock, and none of them reads it."""
 
-CLOSE_S = 5.0
-"""Time to destroy the endpoints of a node: it takes tens of milliseconds. A supervisor waits longer."""
+
+def say(text: str) -> None:
+    """Write a line to standard error; ignore errors of a full disk or a closed pipe."""
+    with suppress(OSError):
+        os.write(sys.stderr.fileno(), (text + "\n").encode())  # past the buffer, which would fail at the exit
+
+
+def say_trace(error: BaseException) -> None:
+    """Write the traceback of an error to standard error, unless the error is one of this package."""
+    if not isinstance(error, SubsoilError):
+        say("".join(traceback.format_exception(error)).rstrip())
+
+
+def log_end(logger: Logger, status: ExitStatus) -> None:
+    """Log why a run ended; nothing if all went well."""
+    if status.code > SIGNAL_STATUS:
+        logger.warning(status.reason)
+    elif status.code:
+        logger.error(status.reason)
+
+
+def one_line(error: BaseException) -> str:
+    """An error as a message of one line; unexpected kinds with their name."""
+    text = " ".join(str(error).split())
+    return text if isinstance(error, SubsoilError) and text else f"{type(error).__name__}: {text}"
+
+
+class Served(Protocol):
+    """A node of a run, as its process sees it."""
+
+    status: ExitStatus
+
+    def spin(self) -> None:
+        """Serve the node until it ends."""
+        ...
+
+    def serve_ended(self, over: Callable[[], bool]) -> None:
+        """Answer requests that come after the end of the run, until `over`."""
+        ...
+
+    def destroy_node(self) -> None:
+        """Destroy the node and its endpoints."""
+        ...
+
+
+class Service(threading.Thread):
+    """Builds the node and spins it, both in this thread: engines may keep settings by thread.
+
+    When the run has ended, the node answers requests until `close`: late callers would wait for ever.
+    """
+
+    def __init__(self, name: str, build: Callable[[], Served], heartbeat: Heartbeat) -> None:
+        super().__init__(name=name, daemon=True)
+        self.status = ExitStatus()
+        self.ended = threading.Event()
+        """Set with `status`."""
+        self._build = build
+        self._heartbeat = heartbeat
+        self._closing = threading.Event()
+
+    def run(self) -> None:
+        """Build and spin the node; at the end `status` is set."""
+        try:
+            node = self._build()
+        except Exception as error:  # published, like any fault of a node
+            say_trace(error)
+            self.status = ExitStatus(getattr(error, "exit_status", RunError.exit_status), one_line(error))
+            log_end(self._heartbeat.node.get_logger(), self.status)
+            self._heartbeat.say(NodeState.FAULT, self.status.reason, exit_status=self.status.code)
+            self._heartbeat.flush(LAST_WORD_S)
+            self.ended.set()
+            return
+        gc.collect()
+        gc.freeze()  # the objects of the node stay; garbage collections skip them
+        node.spin()
+        self.status = node.status
+        self.ended.set()
+        node.serve_ended(self._closing.is_set)
+        node.destroy_node()
+
+    def close(self) -> None:
+        """Wait until the node is destroyed."""
+        self._closing.set()
+        self.join()
 
 
 def watched_by(name: str, run: RunSettings) -> tuple[str, ...]:
@@ -48,7 +130,7 @@ def report_to_supervisor(**event: Any) -> None:
 
 
 def run_process(
-    name: str, build: Callable[..., LockstepNode], parameters: Mapping[str, ParameterKey] | None = None
+    name: str, build: Callable[..., Served], parameters: Mapping[str, ParameterKey] | None = None
 ) -> int:
     """Run one node until the run ends. Returns the exit status.
 
@@ -78,7 +160,7 @@ def run_process(
         node = Node(f"{name}_process", parameter_overrides=OWN_TIME)
     except RuntimeError as error:  # of rcl, as when security is set and not available
         say(f"{name}: no ROS node can be made: {' '.join(str(error).split())}")
-        bad_input = isinstance(error, _rclpy.RCLInvalidROSArgsError | _rclpy.UnknownROSArgsError)
+        bad_input = isinstance(error, BAD_ARGUMENTS)
         return InputError.exit_status if bad_input else RunError.exit_status
     try:
         run = read_settings(node, name, parameters)
@@ -96,7 +178,7 @@ def run_process(
 
 def _serve(
     name: str,
-    build: Callable[[], LockstepNode],
+    build: Callable[[], Served],
     heartbeat: Heartbeat,
     compiled: Callable[[], None],
 ) -> int:
@@ -114,7 +196,7 @@ def _serve(
         if not supervised:
             heartbeat.outlast(LATE_S)
         elif heartbeat.tick == INITIAL_TICK:  # the supervisor stops the nodes that it started, no others
-            heartbeat.outlast(STARTUP_GRACE_S - CLOSE_S, nodes_from_outside(heartbeat.run.resolved.scene))
+            heartbeat.outlast(STARTUP_GRACE_S - CLOSE_S, external_nodes(heartbeat.run.resolved.scene))
     leave_in_time(name, status.code, CLOSE_S)
     service.close()
     heartbeat.close()
@@ -178,7 +260,7 @@ def _wait(service: Service, heartbeat: Heartbeat, compiled: Callable[[], None]) 
         if heartbeat.state is not NodeState.STARTING:
             compiled()
     interrupted_run = heartbeat.stop is not None and heartbeat.stop.code > SIGNAL_STATUS
-    if not service.ended.wait(GRACE_S + LAST_WORD_S + (KEEP_S if interrupted_run else 0.0)):
+    if not service.ended.wait(RETURN_S + LAST_WORD_S + (KEEP_S if interrupted_run else 0.0)):
         status = heartbeat.stop or ExitStatus(RunError.exit_status, heartbeat.lost)
         log_end(heartbeat.node.get_logger(), status)
         os._exit(status.code)  # nothing here needs closing

@@ -8,12 +8,13 @@ from typing import Any
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.exceptions import ParameterException
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 
+from ...coupling.run_options import OPTIONS
 from ...coupling.run_settings import RunSettings
 from ...errors import InputError
 from ...loading.loader import load_scene
 from ...recording.checkpoint import read_checkpoint
+from ..transport.private_rclpy import given_parameters
 
 OF_ROS = ("use_sim_time", "start_type_description_service")
 """Parameters that every ROS node takes."""
@@ -31,19 +32,11 @@ class ParameterKey:
 
 _TEXT = "text; a number in quotes is one too: run_id:=\"'7'\""
 _FLAG = "true or false"
-LARGEST_THREAD_COUNT = 1024
-"""Upper end of the parameter's range: more than any machine has."""
 
 PARAMETERS: Mapping[str, ParameterKey] = {
     "scene": ParameterKey("", "scene file, the same for all nodes", "path of a scene file (.yaml)"),
     "run_id": ParameterKey(
         "run", "name of the run, the same for all nodes; other runs' messages are refused", _TEXT
-    ),
-    "threads": ParameterKey(
-        1,
-        "threads of the soil engine; results do not depend on it",
-        f"a whole number from 1 to {LARGEST_THREAD_COUNT}",
-        (1, LARGEST_THREAD_COUNT),
     ),
     "bag": ParameterKey("", "folder for the recorder's bag", "path of a folder that does not exist"),
     "checkpoints": ParameterKey(
@@ -62,11 +55,14 @@ PARAMETERS: Mapping[str, ParameterKey] = {
         "a whole number from 0 to 65535",
         (0, 65535),
     ),
-    "paused": ParameterKey(
-        False, "the coupler: grant no tick before a call of its services resume or step", _FLAG
-    ),
     "recorded": ParameterKey(True, "whether the run has a recorder, the same for all nodes", _FLAG),
     "supervised": ParameterKey(False, "end when standard input ends, read stop requests from it", _FLAG),
+    **{
+        name: ParameterKey(
+            option.default, f"the {option.node}: {option.description}", option.allowed, option.limits
+        )
+        for name, option in OPTIONS.items()
+    },
 }
 """Parameters of every node's process."""
 
@@ -87,9 +83,7 @@ def read_settings(node: Node, name: str, more: Mapping[str, ParameterKey] | None
             "their names, so use a namespace (-r __ns:=/NAME) instead"
         )
     keys = {**PARAMETERS, **(more or {})}
-    with node.handle:
-        given = node.handle.get_parameters(Parameter)
-    unknown = sorted(set(given) - set(keys) - set(OF_ROS))
+    unknown = sorted(set(given_parameters(node)) - set(keys) - set(OF_ROS))
     if unknown:
         raise InputError(f"parameter '{unknown[0]}': not known; allowed are {', '.join(sorted(keys))}")
     values = {key: _declare(node, key, found) for key, found in keys.items()}
@@ -103,10 +97,9 @@ def read_settings(node: Node, name: str, more: Mapping[str, ParameterKey] | None
         checkpoints=Path(values["checkpoints"]) if values["checkpoints"] else None,
         resumed=read_checkpoint(Path(values["resume"]), resolved.scene_hash) if values["resume"] else None,
         recorded=values["recorded"],
-        threads=values["threads"],
-        paused=values["paused"],
         live_port=values["live"],
         supervised=values["supervised"],
+        **{name: values[name] for name in OPTIONS},
     )
 
 

@@ -16,28 +16,13 @@ from pathlib import Path
 
 import psutil
 
-from ...coupling.exit_status import KEEP_S, SIGNAL_STATUS, ExitStatus, interrupted
+from ...coupling.exit_status import SIGNAL_STATUS, ExitStatus, interrupted
 from ...coupling.observer import RunObserver
 from ...coupling.protocol import COUPLER, RECORDER
+from ...coupling.time_limits import CUT_PATIENCE_S, END_S, FAILED_END_S, KEEP_S, STARTUP_GRACE_S, VERDICT_S
 from ...errors import RunError
 from ..transport.shared_memory import sweep_shared_memory
-from .plan import Parameters, ros_arguments
-
-END_S = 10.0
-"""Time for the nodes to end by themselves once the run is over; then they are killed. The recorder waits for
-the disk, which takes some seconds if it is busy."""
-
-GRACE_S = 4.5
-"""The same once the run has failed."""
-
-STARTUP_GRACE_S = 20.0
-"""The same for nodes that may still be starting and have not read the stop request."""
-
-CUT_PATIENCE_S = 2.5
-"""Time for the recorder to complete the tick at which the coupler cut the record."""
-
-VERDICT_S = 2.0
-"""Time for the coupler to report why the run failed, after a node ended with an error."""
+from .node_plan import Parameters, ros_arguments
 
 _POLL_S = 0.05
 
@@ -220,7 +205,7 @@ class Supervisor:
         reported how the run ended."""
         if self._verdict is None:
             self._coupler.send_stop(status)
-        grace_s = GRACE_S if self._progressed else STARTUP_GRACE_S
+        grace_s = FAILED_END_S if self._progressed else STARTUP_GRACE_S
         if status.code > SIGNAL_STATUS:
             grace_s += KEEP_S
         self._deadline = min(self._deadline, time.monotonic() + grace_s)
@@ -230,7 +215,7 @@ class Supervisor:
         now = time.monotonic()
         if self._coupler_end is None:
             self._coupler_end = now
-            self._deadline = now + (END_S if status is None else GRACE_S)
+            self._deadline = now + (END_S if status is None else FAILED_END_S)
         if status is None:
             return  # success: the coupler has published the end
         killed = (self._coupler.exit_status or 0) < 0

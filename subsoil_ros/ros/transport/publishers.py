@@ -21,7 +21,7 @@ _PARAMETER_EVENTS = "/parameter_events"
 """A topic on which every node publishes."""
 
 
-def foreign_publishers(node: Node, topic: str, is_ours: Callable[[str], bool], matched: int) -> str:
+def unknown_publishers(node: Node, topic: str, is_ours: Callable[[str], bool], matched: int) -> str:
     """Name the publishers of `topic` that are not of the run, each with its machine; empty: there are none.
 
     Of two nodes with one name, either may be of the run: both are named.

@@ -1,10 +1,30 @@
-"""Quality of service of every topic of a run."""
+"""Class and quality of service of the messages of every topic."""
+
+from functools import cache
+from importlib import import_module
+from typing import Any
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from ...coupling.protocol import ACK_LAG_TICKS
 from ...messages import NodeStatus, SoilCloud
 from ...recording.topics import LOCKSTEP_DEPTH
+from ...recording.types import message_type
+
+RosMessage = Any
+"""A message of rclpy, a request, a response or its header, or the class of one: made at run time."""
+
+
+@cache
+def rclpy_class(name: str) -> RosMessage:
+    """Class of a message type, "subsoil_msgs/msg/Grant"."""
+    package, _, short = name.partition("/msg/")
+    return getattr(import_module(f"{package}.msg"), short)
+
+
+def class_of(kind: type) -> RosMessage:
+    """Class of the message that carries records of `kind`."""
+    return rclpy_class(message_type(kind))
 
 
 def _reliable(depth: int, durability: DurabilityPolicy = DurabilityPolicy.VOLATILE) -> QoSProfile:

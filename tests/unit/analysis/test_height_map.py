@@ -8,8 +8,7 @@ from rosbags.highlevel import AnyReader
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.messages import SoilCloud
 from subsoil_ros.recording.bag_writer import BagWriter
-from subsoil_ros.recording.height_map import height_grid
-from subsoil_ros.recording.point_cloud import point_cloud
+from subsoil_ros.recording.soil_clouds import height_grid, point_cloud
 from subsoil_ros.recording.types import serialize
 
 SCENES = Path(__file__).parents[3] / "config/scenes"

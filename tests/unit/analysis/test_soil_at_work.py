@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import subsoil_ros as subsoil
-from subsoil_ros.api.check import run_notes
+from subsoil_ros.api.check_scene import run_notes
 from subsoil_ros.cli.main import main
 from subsoil_ros.contact_laws.dampers import damping_ratio_at, restitution_at
 from subsoil_ros.limits.soil_at_work import (

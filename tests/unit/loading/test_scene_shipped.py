@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from subsoil_ros.errors import SceneError
 from subsoil_ros.limits.communication_steps import coupling_bounds
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
-from subsoil_ros.mbd.engine import MechanismEngine
+from subsoil_ros.mbd.mechanism_engine import MechanismEngine
 from subsoil_ros.messages import BodyState
 from subsoil_ros.scene.tool_mesh import load_tool_mesh
 

@@ -7,9 +7,8 @@ import warnings
 import pytest
 
 from subsoil_ros.errors import PhysicsError, ProtocolError, SceneError, SingularMechanismError
-from subsoil_ros.mbd.assembly import MovedBodiesWarning, RedundantConstraintsWarning, assemble
+from subsoil_ros.mbd.assembly import MovedBodiesWarning, RedundantConstraintsWarning, Topology, assemble
 from subsoil_ros.mbd.equilibrium import UnstableEquilibriumWarning
-from subsoil_ros.mbd.topology import Topology
 from subsoil_ros.messages import ToolWrench
 from subsoil_ros.scene.mechanism import Mechanism
 

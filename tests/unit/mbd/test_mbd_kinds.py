@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from subsoil_ros.mbd import forces, joints
-from subsoil_ros.mbd.joints.table import JOINT
+from subsoil_ros.mbd.joints.rows import JOINT
 from subsoil_ros.scene import mechanism
 
 
 def test_every_kind_of_a_scene_is_registered() -> None:
     """The unions of the scene's model and the two registrations name the same classes."""
     assert set(joints.MODULE_OF_SCENE) == set(get_args(get_args(mechanism.Joint)[0]))
-    assert set(forces.FILL_OF_SCENE) == set(get_args(get_args(mechanism.Force)[0]))
+    assert set(forces.MODULE_OF_SCENE) == set(get_args(get_args(mechanism.Force)[0]))
 
 
 @pytest.mark.parametrize("kind", joints.KINDS)

@@ -19,7 +19,7 @@ from subsoil_ros.coupling.energy_account import InterfaceWork, held_work_joule
 from subsoil_ros.errors import SceneError
 from subsoil_ros.limits.communication_steps import coupling_bounds
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
-from subsoil_ros.mbd.path import PathEngine
+from subsoil_ros.mbd.tool_paths import PathEngine
 from subsoil_ros.messages import SpatialMotion, ToolMotion, ToolMotions, ToolWrench
 from subsoil_ros.recording.checkpoint import Checkpoint
 from subsoil_ros.recording.message_codec import reader, writer

@@ -8,14 +8,14 @@ from scipy.integrate import quad
 
 from subsoil_ros.errors import ProtocolError
 from subsoil_ros.limits.stable_steps import Timing
-from subsoil_ros.mbd.path import PathEngine
-from subsoil_ros.mbd.time_functions import (
+from subsoil_ros.mbd.function_tables import (
     NO_FUNCTION,
     function_integral,
     function_rate,
     function_value,
     tabulate,
 )
+from subsoil_ros.mbd.tool_paths import PathEngine
 from subsoil_ros.scene.scene import Scene
 from subsoil_ros.scene.time_laws import ConstantLaw, RampLaw, SineLaw, TableLaw
 

@@ -11,7 +11,7 @@ from subsoil_ros.errors import InputError
 from subsoil_ros.messages import Grant
 from subsoil_ros.recording.bag_folder import TopicInfo
 from subsoil_ros.recording.bag_writer import BagWriter
-from subsoil_ros.recording.live import LiveView
+from subsoil_ros.recording.live_view import LiveView
 from subsoil_ros.recording.types import schema_text
 from tests.live_client import LiveClient, stalled
 from tests.unit.recording.recording_samples import SCENE, TIMING

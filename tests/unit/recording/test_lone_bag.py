@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from subsoil_ros.api.recorded_run import recorded_run
+from subsoil_ros.api.read import recorded_run
 from subsoil_ros.cli.main import main
 from subsoil_ros.errors import InputError
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.loading.scene_bundle import pack, unpack_to_show
 from subsoil_ros.recording.bag_folder import BagFolder
-from subsoil_ros.recording.bag_scene import read_scene
+from subsoil_ros.recording.bag_reader import read_scene
 from subsoil_ros.recording.recovery import recover
 
 Captured = pytest.CaptureFixture[str]

@@ -5,11 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from subsoil_ros.coupling.cloud import recorded_cloud
 from subsoil_ros.messages import SoilCloud
 from subsoil_ros.recording.bag_reader import BagReader
 from subsoil_ros.recording.bag_writer import BagWriter
-from subsoil_ros.recording.point_cloud import cloud_from_message, point_cloud
+from subsoil_ros.recording.soil_clouds import cloud_from_message, point_cloud, recorded_cloud
 from subsoil_ros.scene.record import Record
 from tests.unit.recording.recording_samples import INTERVAL_NS, SCENE, TICKS, TIMING, end_ns
 

@@ -28,7 +28,7 @@ from subsoil_ros.messages import (
     ToolWrenches,
 )
 from subsoil_ros.recording.message_codec import from_message, reader, writer
-from subsoil_ros.recording.point_cloud import cloud_from_message
+from subsoil_ros.recording.soil_clouds import cloud_from_message
 from subsoil_ros.recording.types import deserialize, message_type, type_hash
 
 pytest.importorskip("subsoil_msgs.msg", reason="rclpy and subsoil_msgs are not installed")

@@ -12,10 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from subsoil_ros.cli.main import main
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
-from subsoil_ros.mbd.engine import MechanismEngine
-from subsoil_ros.recording.description import tool_markers
+from subsoil_ros.mbd.mechanism_engine import MechanismEngine
 from subsoil_ros.recording.robot_description import WORLD, mesh_uri, robot_description
-from subsoil_ros.recording.standard import WORLD_FRAME, transforms
+from subsoil_ros.recording.standard_messages import WORLD_FRAME, tool_markers, transforms
 from subsoil_ros.scene.tool_mesh import load_tool_mesh
 
 ROOT = Path(__file__).parents[3]

@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from subsoil_ros.mbd.integrators import adams_moulton
+from subsoil_ros.mbd import explicit_integrators
+from subsoil_ros.mbd.machine_arrays import ADAMS_MOULTON, RUNGE_KUTTA_4
 from subsoil_ros.mbd.modes import Mode
 from subsoil_ros.mbd.stability import RESOLVED, stable_step
-from subsoil_ros.mbd.tables import ADAMS_MOULTON, RUNGE_KUTTA_4
 from subsoil_ros.scene import mechanism
 from subsoil_ros.scene import time_laws as laws
 
 TEXT = (Path(__file__).parents[3] / "docs/mechanism.md").read_text(encoding="utf-8")
 WEIGHTS = {
-    "predictor, v": adams_moulton.PREDICT_V,
-    "predictor, q": adams_moulton.PREDICT_Q,
-    "corrector, v": adams_moulton.CORRECT_V,
-    "corrector, q": adams_moulton.CORRECT_Q,
+    "predictor, v": explicit_integrators.PREDICT_V,
+    "predictor, q": explicit_integrators.PREDICT_Q,
+    "corrector, v": explicit_integrators.CORRECT_V,
+    "corrector, q": explicit_integrators.CORRECT_Q,
 }
 
 
@@ -41,7 +41,7 @@ def test_weights_are_those_of_order_4(name: str) -> None:
     row = re.search(rf"^\| {name} \| (.+) \|$", TEXT, re.MULTILINE)
     assert row is not None
     divisor, *numbers = (float(cell) for cell in row[1].split("|"))
-    used = adams_moulton.multistep_weights(4)[WEIGHTS[name]]
+    used = explicit_integrators.multistep_weights(4)[WEIGHTS[name]]
     assert_allclose(np.array(numbers) / divisor, used, atol=1e-14)
 
 
@@ -53,7 +53,7 @@ def test_bounds_of_the_decision_are_those_of_the_code() -> None:
     )
     assert found is not None
     models: list[Any] = [
-        SimpleNamespace(integrator=ADAMS_MOULTON, weights=adams_moulton.multistep_weights(order))
+        SimpleNamespace(integrator=ADAMS_MOULTON, weights=explicit_integrators.multistep_weights(order))
         for order in (2, 3, 4)
     ]
     models.append(SimpleNamespace(integrator=RUNGE_KUTTA_4))

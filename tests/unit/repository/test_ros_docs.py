@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 import yaml
 
 import subsoil_ros
+from subsoil_ros.coupling.run_options import OPTIONS
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.recording.topics import LATCHED, TOPIC_OF, derived_topics
 
@@ -43,8 +44,8 @@ def test_every_topic_is_in_the_table_with_its_type() -> None:
 
 
 def test_every_service_and_action_is_in_the_table() -> None:
-    """As simulation_services.py serves them, each with a type that subsoil_msgs has."""
-    source = (ROOT / "subsoil_ros/ros/services/simulation_services.py").read_text(encoding="utf-8")
+    """As run_services.py serves them, each with a type that subsoil_msgs has."""
+    source = (ROOT / "subsoil_ros/ros/nodes/run_services.py").read_text(encoding="utf-8")
     served = dict(re.findall(r'_serve\("(\w+)", "(\w+)"', source)) | {"SimulateSteps": "simulate_steps"}
     listed = {cells[0].strip("`"): cells[1].split()[0] for cells in rows("Services and the action")}
     assert {name: kind for kind, name in served.items()}.items() <= listed.items()
@@ -57,7 +58,7 @@ def test_every_parameter_is_in_the_table() -> None:
     source = (ROOT / "subsoil_ros/ros/process/parameters.py").read_text(encoding="utf-8")
     declared = re.findall(r'^    "(\w+)": ParameterKey\(', source.split("PARAMETERS: ")[1], re.MULTILINE)
     listed = {name for cells in rows("Parameters") for name in re.findall(r"`(\w+)`", cells[0])}
-    assert listed == set(declared)
+    assert listed == {*declared, *OPTIONS}
 
 
 def test_the_citation_is_of_this_version() -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from subsoil_ros.wedge.wedge import Plate, wedge_force
+from subsoil_ros.wedge.failure_wedge import Plate, wedge_force
 from validation import blades
 from validation.blades import Blade, Soil
 

@@ -1,1 +1,0 @@
-"""Integration methods of the mechanism."""

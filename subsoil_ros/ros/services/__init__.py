@@ -1,1 +1,0 @@
-"""Services, action and diagnostics of a running simulation."""

@@ -3,7 +3,7 @@
 import argparse
 import os
 import socket
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 
 from ...analysis.summary import KnownMean, Summary
@@ -23,6 +23,7 @@ from ...ros.process.node_plan import checked_namespace, nodes_of
 from ...ros.process.supervisor import Supervisor, node_program, start_node
 from ...ros.transport.ros_domain import run_domain
 from ...ros.transport.shared_memory import avoid_full_memory
+from ...yaml_document import Document
 from .._shared.output import say
 from .._shared.progress import (
     KernelAnnouncer,
@@ -89,7 +90,7 @@ class _ShownRun(RunWatch):
         super().__init__(show)
         self._bar = bar
 
-    def on_check(self, result: Mapping[str, object]) -> None:
+    def on_check(self, result: Document) -> None:
         super().on_check(result)
         self._bar.note(mean_words(KnownMean.model_validate(result)))
 

@@ -1,11 +1,14 @@
 """What several unit tests share."""
 
+import platform
 import subprocess
 from pathlib import Path
 
 import pytest
 
 from tests.unit.recording.recording_samples import write_bag
+
+platform.platform()  # the standard library asks `uname` once, and then knows
 
 
 @pytest.fixture

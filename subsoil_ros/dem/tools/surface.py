@@ -265,9 +265,11 @@ def refuse_leap(where: str, tool: ToolSurface, motion: ToolMotion, step_s: float
     Raises:
         PhysicsError: always.
     """
-    speed = tool.speed_m_per_s(motion)
+    speed, spin = tool.speed_m_per_s(motion), math.hypot(*motion.spin_rad_per_s)
+    angle = "" if tool.spatial else f", at an angle of {motion.angle_rad:.4g} rad"
     raise PhysicsError(
-        f"{where}: tool {tool.name} moves at up to {speed:.3g} m/s, {speed * step_s:.3g} m in one soil step; "
+        f"{where}: tool {tool.name} moves at up to {speed:.3g} m/s, {speed * step_s:.3g} m in one soil step "
+        f"(turning at {spin:.3g} rad/s{angle}); "
         f"allowed is the radius of the smallest particle, {radius_m:g} m: make the tool slower, or use a "
         "smaller soil.time_step_s"
     )

@@ -16,8 +16,8 @@ from ..scene.meshes import load_tool_mesh
 from ..ticks import NANOSECONDS_PER_SECOND, tick_end_s
 
 Control = Callable[[Any, Any, float], None]
-"""Called with model, data and time [s] at the start of every exchange, to set data.ctrl, data.xfrc_applied and the
-like. What it sets stays until it sets it anew; the forces of the soil are added to data.xfrc_applied."""
+"""Called with model, data and time [s] at the start of every exchange, to set data.ctrl, data.xfrc_applied
+and the like. What it sets stays until it sets it anew; the soil's forces are added to data.xfrc_applied."""
 
 
 class MujocoMachine:

@@ -249,7 +249,7 @@ def surfaces(resolved: ResolvedScene, bed: Bed, motions: tuple[ToolMotion, ...])
     bodies = scene.mechanism.bodies if scene.mechanism else {}
     sinks, found = len(soil.law.sinks), []
     for (name, tool), motion in zip(scene.tools.items(), motions, strict=True):
-        mesh = load_tool_mesh(resolved.directory, scene, name)
+        mesh = load_tool_mesh(resolved.directory, scene, name).without_voids()
         reference = bodies[tool.body].angle_rad if tool.body else 0.0
         if isinstance(motion, SpatialMotion):
             mesh = mesh.about_body()

@@ -205,7 +205,7 @@ class Brake:
 
 
 def test_an_angle_may_be_told_between_minus_pi_and_pi(tmp_path: Path) -> None:
-    """One and a half turns: the same series, angle and energy, and again when it is resumed past half a turn."""
+    """One and a half turns: the same series as of the whole angle, also when resumed past half a turn."""
 
     def stop(done: int, count: int) -> None:
         if done == 2 * count // 3:

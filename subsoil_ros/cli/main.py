@@ -8,6 +8,7 @@ from types import ModuleType
 
 from .._version import __version__
 from ..errors import InterruptedRunError, SubsoilError
+from .interrupts import answered_interrupts
 
 VERBS = {
     "check": "validate a scene and print what a run of it would cost",
@@ -56,7 +57,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb. Returns 0, 2 on bad input, 3 on a failed run, 128 + number for a signal."""
     args = parse(sys.argv[1:] if arguments is None else arguments)
     try:
-        return _module(args.verb).run(args)
+        with answered_interrupts(args.verb):
+            return _module(args.verb).run(args)
     except SubsoilError as error:
         print(f"subsoil {args.verb}: {error}", file=sys.stderr)
         return error.exit_status

@@ -23,6 +23,7 @@ from ...errors import InputError, RunError
 from ...messages import NodeState
 from ...ticks import INITIAL_TICK
 from ..nodes.lockstep_node import LAST_WORD_S, OWN_TIME, LockstepNode, log_end, one_line, say
+from ..transport.environment import check_environment
 from ..transport.shared_memory import avoid_full_memory
 from .heartbeat import LATE_S, Heartbeat
 from .node_thread import Service
@@ -68,6 +69,11 @@ def run_process(
             advice = "give --ros-args -p NAME:=VALUE; --help lists the names"
             say(f"{name}: argument '{words[0]}': not known; {advice}")
             return InputError.exit_status
+        try:
+            check_environment()
+        except InputError as error:
+            say(f"{name}: {error}")
+            return error.exit_status
         try:
             notice = avoid_full_memory()
         except InputError as error:

@@ -28,6 +28,7 @@ from ...recording.checkpoint import read_checkpoint
 from ..nodes.lockstep_node import LAST_WORD_S, OWN_TIME, LockstepNode, say
 from ..nodes.mechanism_node import MechanismNode
 from ..nodes.soil_node import SoilNode
+from ..transport.environment import check_environment
 from ..transport.shared_memory import avoid_full_memory
 from .heartbeat import LATE_S, Heartbeat
 from .node_process import GRACE_S, watched_by
@@ -65,6 +66,7 @@ def serve(
         InterruptedRunError: the run was interrupted.
         RunError: the run failed; the message has the cause.
     """
+    check_environment()
     resolved = resolved_scene(scene, overrides)
     if (machine is None) == (soil is None):
         raise InputError("serve: give a machine or a soil, one of them")

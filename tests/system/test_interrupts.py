@@ -12,7 +12,7 @@ from subsoil_ros.cli.interrupts import answered_interrupts
 
 with answered_interrupts("run"):
     print("ready", flush=True)
-    hashlib.pbkdf2_hmac("sha256", b"", b"", 10**10)  # one instruction, as the compilation of a kernel is
+    hashlib.pbkdf2_hmac("sha256", b"", b"", 2**31 - 1)  # one instruction, as the compilation of a kernel is
 """
 
 

@@ -7,8 +7,8 @@ from mcap.reader import make_reader
 from ..errors import InputError, SceneError
 from ..loading.loader import ResolvedScene
 from ..loading.scene_bundle import SCENE_FILE, SceneBundle, unpack_to_show
-from .bag_folder import NOTES
-from .bag_reader import BROKEN, damaged, mcap_path
+from .bag_folder import BROKEN, NOTES
+from .bag_reader import damaged, mcap_path
 
 _HASH = "scene_hash"
 

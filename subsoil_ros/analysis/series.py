@@ -146,7 +146,7 @@ def _cell(value: Any, digits: str) -> str:
 def read_table_csv(path: Path) -> dict[str, NDArray[Any]]:
     """Columns (n,) of a CSV file of numbers, by name: float64, or int64 where all of a column is whole.
 
-    Cells are apart by commas or, as the first line has it, by semicolons or tabs; then with decimal commas too.
+    Cells are apart by commas or, as the first line has it, by semicolons or tabs, then with decimal commas.
 
     Raises:
         InputError: the file is not there, has no row, or a cell is no number.

@@ -18,6 +18,7 @@ from ..errors import InputError, SceneError, SubsoilError
 from ..loading.loader import ResolvedScene
 from .check import run_notes
 from .checkpoints import CHECKPOINTS, checkpoint_facts, find_checkpoint, name_checkpoint, note_resumption
+from .plausible import implausible
 from .results import Reading, Working, write_results
 from .simulate import simulate
 
@@ -126,6 +127,7 @@ def open_run(
         joins = resolved.scene.external_machine and machine is None
         motion_source = None if joins else build_motion_source(resolved, machine)
         outside = build_soil(resolved, settings.threads, soil) if soil is not None else None
+        warnings += implausible(resolved)
         _prepare_soil(resolved, settings.threads, bed_progress)
     except SceneError as error:
         raise SceneError(f"{shown or resolved.path}: {error}") from error

@@ -43,6 +43,9 @@ _ONE_CONTACT = math.cos(math.radians(30.0))
 """Cosine of the angle between normals below which contacts are one: facets of a smooth concave surface meet
 at less, those of a corner at more."""
 
+_LEVEL = 0.01
+"""Slope of the distance along a surface below which a point of it is not left for another."""
+
 _JOINED = 1e-3
 """Gap over a particle's reach below which parts of a tool are one surface."""
 
@@ -112,7 +115,9 @@ def _is_hidden(p, d, distance, joined, facets, m, first, last, facet):
         if _enters(p, d, joined / distance, facets.corner[other], facets.normal[other]):
             return True
         qx, qy, qz, _ = closest_feature(p[0], p[1], p[2], facets.corner[other])
-        if math.sqrt((qx - p[0]) ** 2 + (qy - p[1]) ** 2 + (qz - p[2]) ** 2) < distance - joined:
+        nearer = distance - math.sqrt((qx - p[0]) ** 2 + (qy - p[1]) ** 2 + (qz - p[2]) ** 2)
+        way = math.sqrt((qx - x) ** 2 + (qy - y) ** 2 + (qz - z) ** 2)
+        if nearer > _ROUNDING_M + _LEVEL * way:
             qx, qy, qz, _ = closest_feature(x, y, z, facets.corner[other])
             if (qx - x) ** 2 + (qy - y) ** 2 + (qz - z) ** 2 <= joined**2:
                 return True

@@ -50,7 +50,7 @@ pytest := $(bin)/python -m pytest -n $(shell n=$$(nproc 2>/dev/null || echo 2); 
 	test $$n -le 4 || n=4; echo $$n) --dist loadfile
 
 .DEFAULT_GOAL := setup
-.PHONY: setup setup-extras setup-test setup-check setup-docs run test test-quick test-full validate check format colcon \
+.PHONY: setup setup-extras setup-test setup-check setup-docs run test test-quick test-full validate fuzz check format colcon \
 	wheels docs docs-version test-kilted bench clean help
 
 setup:  ## make .venv for run and report: ROS 2 Jazzy, subsoil_msgs, subsoil_ros, first kernels
@@ -87,6 +87,10 @@ validate: setup-test  ## the tables of validation/ that check themselves, before
 	$(bin)/python -m validation
 	$(bin)/python -m validation.flow_function
 	$(bin)/python -m validation.wide_blade
+
+fuzz: setup-test  ## 20,000 random scenes and tools each, as the tests draw a few hundred; an hour
+	$(bin)/python -m dev.fuzz_scenes --cases 20000
+	$(bin)/python -m dev.fuzz_tools --cases 20000
 
 check: setup-check  ## style, types, layers, and that no test file costs too much
 	$(bin)/ruff check .

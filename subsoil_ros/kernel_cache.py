@@ -84,6 +84,26 @@ def _features_of_this_core() -> str:
     return str(features.flatten())
 
 
+_compiling: list[object] = []
+"""Events of the kernels that are being compiled."""
+
+
+class _Compiling(event.Listener):
+    def on_start(self, event: object) -> None:
+        _compiling.append(event)
+
+    def on_end(self, event: object) -> None:
+        _compiling.pop()
+
+
+event.register("numba:compile", _Compiling())
+
+
+def compiling() -> bool:
+    """Whether this process is compiling a kernel."""
+    return bool(_compiling)
+
+
 class CompilationListener(event.Listener):
     """Announces the compilation of the first kernel, and in `done` reports how long it took.
 

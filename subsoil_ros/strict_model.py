@@ -1,5 +1,6 @@
 """Base of every part of a scene: frozen, closed, SI units in the key names."""
 
+import re
 from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
@@ -24,6 +25,21 @@ NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False), WithinReach]
 Finite = Annotated[float, Field(allow_inf_nan=False), WithinReach]
 Fraction = Annotated[float, Field(gt=0.0, le=1.0), WithinReach]
 PoissonRatio = Annotated[float, Field(gt=-1.0, le=0.5), WithinReach]
+
+
+def _name(value: str) -> str:
+    """Return the value; raise ValueError where it cannot be part of a topic, a column and a file name."""
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,63}", value):
+        raise ValueError(
+            f"given the name '{value}'; it must be a letter and then letters, digits and underscores, "
+            "64 at most"
+        )
+    return value
+
+
+Name = Annotated[str, AfterValidator(_name)]
+"""Key of a part that a scene names, such as a tool."""
+
 Point = tuple[Finite, Finite]  # (x, z) in world axes, metres, in the reference pose
 
 

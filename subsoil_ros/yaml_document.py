@@ -1,5 +1,6 @@
 """A scene as a plain YAML document: reading, merging, removing; independent of the keys of a scene."""
 
+import codecs
 import difflib
 import math
 from collections.abc import Iterator, Mapping
@@ -17,6 +18,9 @@ from ruamel.yaml.representer import RepresenterError
 from .errors import SceneError
 
 Document = dict[str, Any]
+
+LARGEST_SIZE = 1_000_000
+"""Largest number of values in a document, its aliases expanded."""
 
 _PLAIN = ("tag:yaml.org,2002:str", "tag:yaml.org,2002:merge")
 
@@ -68,11 +72,15 @@ def dump_yaml(document: Document | list[Document]) -> str:
 def parse_yaml(text: str | bytes, source: str) -> Any:
     """Parse YAML 1.2; `source` names it in errors.
 
-    Raises SceneError with line and column for a syntax error, a repeated key or a key that is not
-    text, and for numbers that are not finite.
+    Raises SceneError with line and column for a syntax error, a repeated key, a key that is not text, or
+    bytes that are not UTF-8; for numbers that are not finite; for aliases that multiply.
     """
+    if isinstance(text, bytes) and not text.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        text = _decoded(text, source)
     try:
-        value = _yaml().load(text)
+        value = _loaded(text)
+        if _size(value, {}) > LARGEST_SIZE:
+            raise SceneError(f"{source}: its aliases make more than {LARGEST_SIZE:,} values of it; use fewer")
         for path, leaf in leaves(value):
             if isinstance(leaf, float) and not math.isfinite(leaf):
                 where = f"{source}: {path}" if path else source
@@ -88,6 +96,44 @@ def parse_yaml(text: str | bytes, source: str) -> Any:
     except RecursionError as error:
         raise SceneError(f"{source}: nested without end; remove the alias that contains itself") from error
     return value
+
+
+def _decoded(content: bytes, source: str) -> str:
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content[: error.start].count(b"\n") + 1
+        raise SceneError(
+            f"{source}:{line}: byte 0x{content[error.start]:02x} is not UTF-8 text; save the file as UTF-8"
+        ) from error
+
+
+def _loaded(text: str | bytes) -> Any:
+    """The value of a text. A TAB after a value, which YAML allows and ruamel does not, counts as a blank."""
+    while True:
+        try:
+            return _yaml().load(text)
+        except MarkedYAMLError as error:
+            mark = error.problem_mark
+            if mark is None or not isinstance(text, str):
+                raise
+            start = text.rfind("\n", 0, mark.index) + 1
+            if text[mark.index : mark.index + 1] != "\t" or not text[start : mark.index].strip():
+                raise
+            text = f"{text[: mark.index]} {text[mark.index + 1 :]}"
+
+
+def _size(value: object, known: dict[int, int]) -> int:
+    """Number of values in a document, those of an alias counted each time; `known` by id."""
+    if not isinstance(value, dict | list):
+        return 1
+    if id(value) not in known:
+        known[id(value)] = -1
+        items = value.values() if isinstance(value, dict) else value
+        known[id(value)] = 1 + sum(_size(item, known) for item in items)
+    if known[id(value)] < 0:
+        raise RecursionError
+    return known[id(value)]
 
 
 def plain_value(value: object, source: str) -> object:

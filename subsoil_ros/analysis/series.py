@@ -150,16 +150,21 @@ def _cell(value: object, digits: str) -> str:
 def read_table_csv(path: Path) -> dict[str, Column]:
     """Columns (n,) of a CSV file of numbers, by name: float64, or int64 where all of a column is whole.
 
+    Cells are apart by commas or, as the first line has it, by semicolons or tabs, then with decimal commas.
+
     Raises:
         InputError: the file is not there, has no row, or a cell is no number.
     """
     try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            rows = [row for row in csv.reader(stream) if row and not row[0].lstrip().startswith("#")]
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: is no text in UTF-8; save it as CSV") from error
+        line = path.read_bytes()[: error.start].count(b"\n") + 1
+        raise InputError(f"{path}: line {line} is no text in UTF-8; save it as CSV in UTF-8") from error
+    lines = [line for line in lines if line.strip() and not line.lstrip(' "').startswith("#")]
+    between = next((sign for sign in ";\t" if lines and sign in lines[0]), ",")
+    rows = list(csv.reader(lines, delimiter=between))
     if len(rows) < 2:
         raise InputError(f"{path}: holds {len(rows)} lines; give a line of column names, then numbers")
     names = [name.strip() for name in rows[0]]
@@ -168,6 +173,8 @@ def read_table_csv(path: Path) -> dict[str, Column]:
     for number, row in enumerate(rows[1:], 2):
         if len(row) != len(names):
             raise InputError(f"{path}: row {number} has {len(row)} cells, the first {len(names)}")
+    if between != ",":
+        rows[1:] = [[cell.replace(",", ".", cell.count(",") == 1) for cell in row] for row in rows[1:]]
     columns = zip(*rows[1:], strict=True)
     return {name: _numbers(path, name, cells) for name, cells in zip(names, columns, strict=True)}
 

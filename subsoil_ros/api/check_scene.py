@@ -16,6 +16,7 @@ from ..loading.soil_file import soil_of
 from ..scene.scene import Scene
 from ..scene.tool_mesh import ToolMesh, load_tool_mesh
 from .load import SceneLike, resolved_scene
+from .plausible import implausible
 
 if TYPE_CHECKING:
     from ..mbd.statics import Survey
@@ -127,6 +128,7 @@ def check(
             survey = survey_of(model.mechanism, model.gravity_m_per_s2)
         bounds = _bounds(resolved, masses)
         particles = start_count(resolved)
+        doubts = implausible(resolved)
     except SceneError as error:
         raise SceneError(f"{resolved.path}: {error}") from error
     soil, timing = model.particle_soil, resolved.timing
@@ -145,7 +147,7 @@ def check(
             exchange_wall_s=timing.tick_count * exchange_s,
         ),
         notes=(*run_notes(resolved), *_unbounded(model, masses)),
-        warnings=tuple(_warnings(resolved, bounds)),
+        warnings=(*_warnings(resolved, bounds), *doubts),
     )
 
 

@@ -15,8 +15,11 @@ from ..analysis.summarize import summarize
 from ..analysis.summary import SCHEMA_VERSION
 from ..errors import InputError
 from ..loading.loader import ResolvedScene, load_scene
-from ..recording.bag_reader import mcap_path, read_scene
+from ..recording.bag_folder import mcap_file
+from ..recording.bag_lock import writer_of
+from ..recording.bag_reader import read_scene
 from ..recording.joined import recover_earlier
+from ..recording.recovery import forget_copies
 from ..yaml_document import Document
 from .resume import checkpoint_facts
 
@@ -58,10 +61,16 @@ def recorded_run(path: Path) -> Iterator[RecordedRun]:
     if directory is not None:
         resolved = load_scene(directory / "scene.yaml")
         recover_earlier(directory)
-        yield RecordedRun(directory, directory / "bag", resolved)
+        bag = directory / "bag"
+        if list(bag.glob("*.mcap")) and writer_of(mcap_file(bag)):  # its own results are still to come
+            directory = directory.with_name(f"{directory.name}_so_far")
+        try:
+            yield RecordedRun(directory, bag, resolved)
+        finally:
+            forget_copies()
         return
     try:
-        file = mcap_path(path).resolve()
+        file = mcap_file(path).resolve()
     except InputError as error:
         raise InputError(f"{error} (it is no folder of a run: it has no scene.yaml)") from error
     whole = file.parent if (file.parent / "metadata.yaml").is_file() else file.with_suffix("")

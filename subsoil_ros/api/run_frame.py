@@ -31,6 +31,7 @@ from ..recording.joined import recover_earlier
 from ..recording.recovery import recover
 from ..yaml_document import Document
 from .check_scene import run_notes
+from .plausible import implausible
 from .resume import CHECKPOINTS, checkpoint_facts, find_checkpoint, name_checkpoint, note_resumption
 
 if TYPE_CHECKING:
@@ -255,6 +256,7 @@ def open_run(
         joins = resolved.scene.external_machine and machine is None
         motion_source = None if joins else build_motion_source(resolved, machine)
         external = build_soil(resolved, settings.threads, soil) if soil is not None else None
+        warnings += implausible(resolved)
         _prepare_soil(resolved, settings.threads, bed_progress)
     except SceneError as error:
         raise SceneError(f"{shown or resolved.path}: {error}") from error

@@ -58,10 +58,10 @@ def _info(path: Path, as_json: bool) -> int:
 @contextmanager
 def _bar(path: Path, text: str) -> Iterator[Callable[[int], None]]:
     """Show a bar on a terminal while the bag at `path` is read; yields a callback for the bytes read."""
-    from ..recording.bag_reader import mcap_path
+    from ..recording.bag_folder import mcap_file
 
     columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TimeRemainingColumn())
-    size_bytes = mcap_path(path).stat().st_size
+    size_bytes = mcap_file(path).stat().st_size
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(text, total=size_bytes)
         yield lambda done_bytes: progress.update(task, completed=done_bytes)

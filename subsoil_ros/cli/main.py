@@ -1,6 +1,7 @@
 """The command `subsoil`: one verb per file beside this one."""
 
 import argparse
+import io
 import sys
 from collections.abc import Sequence
 from importlib import import_module
@@ -8,6 +9,7 @@ from types import ModuleType
 
 from .._version import __version__
 from ..errors import InterruptedRunError, SubsoilError
+from .interrupts import answered_interrupts
 
 VERBS = {
     "check": "validate a scene and print what a run of it would cost",
@@ -54,9 +56,13 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb. Returns 0, 2 on bad input, 3 on a failed run, 128 + number for a signal."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a terminal may lack a character
+            stream.reconfigure(errors="replace")
     args = parse(sys.argv[1:] if arguments is None else arguments)
     try:
-        return _module(args.verb).run(args)
+        with answered_interrupts(args.verb):
+            return _module(args.verb).run(args)
     except SubsoilError as error:
         print(f"subsoil {args.verb}: {error}", file=sys.stderr)
         return error.exit_status

@@ -3,8 +3,11 @@
 import math
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import InputError, RunError
 from ..loading.loader import ResolvedScene
@@ -20,6 +23,9 @@ START_TOLERANCE = 1e-6
 pose typed with seven digits, and a thousandth of the smallest particle radius in use."""
 
 PAGE = "docs/own_machine.md"
+
+_ANGLES = "subsoil.angles_rad"
+"""Name, among the arrays of a machine's state, of the angles of its tools at the last tick."""
 
 
 class Machine(Protocol):
@@ -144,6 +150,9 @@ class _ExternalParticipant:
             wrong = next(_not_finite(record), None)
             if wrong is not None:
                 raise kind(f"{place} gave {wrong} for tool '{tool}'; numbers must be finite")
+            unused = _not_used(record, model)
+            if unused:
+                raise kind(f"{place} gave {unused} for tool '{tool}'")
         return tuple(given)
 
 
@@ -156,6 +165,7 @@ class ExternalMachineEngine(_ExternalParticipant):
 
     def __init__(self, resolved: ResolvedScene, machine: Machine | None) -> None:
         super().__init__(resolved, "machine", machine, ("initial_motions", "advance"))
+        self._angles_rad: list[float] = []  # of the last motions, in scene order; empty before the first
 
     def initial_motions(self) -> tuple[ToolMotion, ...]:
         """Motions before tick 0.
@@ -175,6 +185,8 @@ class ExternalMachineEngine(_ExternalParticipant):
                     f"start in the scene, {start} m; allowed are {START_TOLERANCE:g} of both: change "
                     f"tools.{name}, or where the machine begins"
                 )
+        if not self._angles_rad:
+            self._angles_rad = [motion.angle_rad for motion in motions]
         return motions
 
     def advance(self, tick: int, wrenches: tuple[ToolWrench, ...]) -> tuple[ToolMotion, ...]:
@@ -183,7 +195,33 @@ class ExternalMachineEngine(_ExternalParticipant):
         Raises:
             RunError: the machine raised an error, or gave anything else.
         """
-        return self._answers("advance", RunError, _motion_kind, tick, wrenches)
+        return self._unwrapped(self._answers("advance", RunError, _motion_kind, tick, wrenches))
+
+    def state_arrays(self) -> dict[str, NDArray[Any]]:
+        """As _Outside, with the angles of the last motions."""
+        arrays = super().state_arrays()
+        return arrays | {_ANGLES: np.array(self._angles_rad)} if self.keeps_state else arrays
+
+    def restore(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """As _Outside."""
+        own = {name: array for name, array in arrays.items() if name != _ANGLES}
+        super().restore(own)
+        self._angles_rad = arrays[_ANGLES].tolist() if _ANGLES in arrays else []
+
+    def _unwrapped(self, motions: tuple[ToolMotion, ...]) -> tuple[ToolMotion, ...]:
+        """Motions with each planar angle on the turn that is nearest to the last one: a machine may give it
+        between -pi and pi."""
+        before = self._angles_rad or [motion.angle_rad for motion in motions]
+        found = tuple(
+            motion
+            if isinstance(motion, SpatialMotion)
+            else replace(motion, angle_rad=last + math.remainder(motion.angle_rad - last, math.tau))
+            if abs(motion.angle_rad - last) > math.pi
+            else motion
+            for motion, last in zip(motions, before, strict=True)
+        )
+        self._angles_rad = [motion.angle_rad for motion in found]
+        return found
 
 
 class ExternalSoilEngine(_ExternalParticipant):
@@ -262,6 +300,19 @@ def _motion_kind(tool: Tool) -> type[ToolMotion]:
 
 def _wrench_kind(tool: Tool) -> type[ToolWrench]:
     return ToolWrench
+
+
+def _not_used(record: ToolMotion | ToolWrench, tool: Tool) -> str:
+    """What of a record nothing would use, in words; empty if all is used."""
+    if isinstance(record, ToolWrench):
+        unknown = [group.group for group in record.groups if group.group not in tool.groups]
+        return f"groups {unknown}; its groups are {list(tool.groups)}" if unknown else ""
+    if not isinstance(record, SpatialMotion) and abs(record.y_m - tool.lateral_m) > START_TOLERANCE:
+        return (
+            f"y_m {record.y_m:g}, but it moves in the plane y = {tool.lateral_m:g} m (its lateral_m); "
+            "give the tool path.turn and a SpatialMotion for a motion in space"
+        )
+    return ""
 
 
 def _not_finite(record: ToolMotion | ToolWrench | FacetGroupForce) -> Iterator[str]:

@@ -16,7 +16,8 @@ from ..scene.tool_mesh import load_tool_mesh
 from ..ticks import NANOSECONDS_PER_SECOND, tick_end_s
 
 Control = Callable[[Any, Any, float], None]
-"""Called with model, data and time [s] at the start of every exchange, to set data.ctrl and the like."""
+"""Called with model, data and time [s] at the start of every exchange, to set data.ctrl, data.xfrc_applied
+and the like. What it sets stays until it sets it anew; the soil's forces are added to data.xfrc_applied."""
 
 
 class MujocoMachine:
@@ -77,12 +78,14 @@ class MujocoMachine:
         mujoco, model, data = self._mujoco, self.model, self.data
         if self._control is not None:
             self._control(model, data, tick_end_s(tick - 1, self._interval_ns))
+        applied = data.xfrc_applied.copy()
         for _ in range(self._steps):
             mujoco.mj_step1(model, data)
-            data.xfrc_applied[:] = 0.0
+            data.xfrc_applied[:] = applied
             for (_, site, spatial), wrench in zip(self._tools, wrenches, strict=True):
                 self._apply(site, spatial, wrench)
             mujoco.mj_step2(model, data)
+        data.xfrc_applied[:] = applied
         for kind in (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL,
                      mujoco.mjtWarning.mjWARN_BADQACC):  # fmt: skip
             if data.warning[kind].number:

@@ -88,6 +88,8 @@ def _place(location: tuple[int | str, ...], document: Document) -> tuple[str, ..
     place: list[str] = []
     value: object = document
     for element in location:
+        if element == "[key]":  # of a mapping of names: the place is that of its value
+            break
         if isinstance(value, dict):
             if element not in value and element in (value.get("kind"), value.get("model", "dem")):
                 continue

@@ -5,14 +5,18 @@ checksums. rosbags, rosbag2 and mcap's own readers read the result.
 """
 
 import os
+import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import zstandard
+from mcap.exceptions import McapError
 from mcap.writer import CompressionType, Writer
 
 from ..errors import InputError, RecordingError
 from ..yaml_document import Document, dump_yaml
+from .bag_lock import lock, unlock
 
 CHUNK_BYTES = 128 * 1024
 """Size of a chunk before compression; a killed writer loses at most the one being filled."""
@@ -25,6 +29,27 @@ MEDIA_TYPES = {".yaml": "application/yaml", ".stl": "model/stl"}
 
 _ROSBAG2_VERSION = 9
 _SCHEMA_ENCODING = "ros2msg"
+
+
+BROKEN = (McapError, struct.error, zstandard.ZstdError, ValueError)
+"""Errors of the readers of MCAP, its strings and its chunks where a file is cut off or overwritten."""
+
+
+def mcap_file(path: Path) -> Path:
+    """The MCAP file of a bag: `path` itself, or the one in the bag folder `path` or in `path`/bag.
+
+    Raises:
+        InputError: there is none, or several.
+    """
+    if path.is_file():
+        return path
+    for folder in (path, path / "bag"):
+        files = sorted(folder.glob("*.mcap")) if folder.is_dir() else []
+        if len(files) == 1:
+            return files[0]
+        if files:
+            raise InputError(f"{folder}: holds {len(files)} .mcap files; name one of them")
+    raise InputError(f"{path}: no bag there; give a bag folder, an .mcap file or the folder of a run")
 
 
 @dataclass(frozen=True)
@@ -72,6 +97,7 @@ class BagFolder:
         try:
             directory.mkdir(parents=True)
             self._stream = self.path.open("xb")
+            lock(self._stream)
         except FileExistsError:
             raise InputError(
                 f"{directory}: exists already; a bag is never written over, name another folder"
@@ -153,6 +179,8 @@ class BagFolder:
                 information = self._information()
                 self._writer.add_metadata("rosbag2", {"serialized_metadata": dump_yaml(information).strip()})
                 self._writer.finish()
+                self._stream.flush()
+                unlock(self._stream)
             partial = self.directory / "metadata.yaml.tmp"
             partial.write_text(dump_yaml({"rosbag2_bagfile_information": information}), encoding="utf-8")
             partial.replace(self.directory / "metadata.yaml")

@@ -11,8 +11,8 @@ from mcap.stream_reader import StreamReader, get_chunk_data_stream
 from mcap.summary import Summary
 
 from ..messages import Command, Grant
-from .bag_folder import NOTES
-from .bag_reader import BROKEN, damaged, mcap_path
+from .bag_folder import BROKEN, NOTES
+from .bag_reader import damaged, mcap_path
 from .message_codec import reader
 from .topics import TOPIC_OF, bag_topic
 

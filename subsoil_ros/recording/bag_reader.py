@@ -6,9 +6,7 @@ from collections.abc import Callable, Container, Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 
-import zstandard
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.records import Chunk, Statistics
@@ -19,14 +17,12 @@ from ..errors import InputError, RecordingError, SceneError
 from ..loading.loader import ResolvedScene
 from ..loading.scene_bundle import SCENE_FILE, SceneBundle, unpack_to_show
 from ..messages import SoilCloud
-from .bag_folder import NOTES
+from .bag_folder import BROKEN, NOTES, mcap_file
 from .message_codec import reader
+from .recovery import readable
 from .soil_clouds import cloud_from_message
 from .topics import RECORD_OF, TOPIC_OF, bag_topic
 from .types import deserialize, message_type
-
-BROKEN = (McapError, struct.error, zstandard.ZstdError, ValueError)
-"""Errors of the readers of MCAP, its strings and its chunks where a file is cut off or overwritten."""
 
 _RECORD = struct.Struct("<BQ")  # opcode and size of a record
 _MESSAGE = struct.Struct("<H4xQ")  # channel and time of a message
@@ -36,20 +32,13 @@ _KIND_OF_BAG_TOPIC = {bag_topic(topic): kind for topic, kind in RECORD_OF.items(
 
 
 def mcap_path(path: Path) -> Path:
-    """The MCAP file of a bag: `path` itself, or the one in the bag folder `path` or in `path`/bag.
+    """The MCAP file of a bag: `path` itself, or the one in the bag folder `path` or in `path`/bag. Of a bag
+    that is being written, a copy of what is there.
 
     Raises:
         InputError: there is none, or several.
     """
-    if path.is_file():
-        return path
-    for folder in (path, path / "bag"):
-        files = sorted(folder.glob("*.mcap")) if folder.is_dir() else []
-        if len(files) == 1:
-            return files[0]
-        if files:
-            raise InputError(f"{folder}: holds {len(files)} .mcap files; name one of them")
-    raise InputError(f"{path}: no bag there; give a bag folder, an .mcap file or the folder of a run")
+    return readable(mcap_file(path))
 
 
 def damaged(path: Path, why: object) -> RecordingError:

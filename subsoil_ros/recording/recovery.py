@@ -1,6 +1,9 @@
 """Recovery of a bag whose writer was killed: every whole chunk is read in sequence and written anew."""
 
+import atexit
+import logging
 import shutil
+import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,8 +14,8 @@ from mcap.stream_reader import StreamReader
 
 from ..errors import InputError, RecordingError
 from ..yaml_document import parse_yaml
-from .bag_folder import NOTES, BagFolder, TopicInfo
-from .bag_reader import BROKEN, mcap_path
+from .bag_folder import BROKEN, NOTES, BagFolder, TopicInfo, mcap_file
+from .bag_lock import writer_of
 
 METADATA = "metadata.yaml"
 """Description of a bag, beside its file."""
@@ -37,10 +40,13 @@ def recover(path: Path, on_progress: Callable[[int], None] = lambda done_bytes: 
     far.
 
     Raises:
-        InputError: there is no bag, or an earlier recovery's remains are in the way.
+        InputError: there is no bag, it is being written, or an earlier recovery's remains are in the way.
         RecordingError: no message can be read.
     """
-    source = mcap_path(path)
+    source = mcap_file(path)
+    writer = writer_of(source)
+    if writer:
+        raise InputError(f"{source}: is being written by {writer}; wait for its end, or end it")
     described = source.parent / METADATA
     whole = _is_whole(source) and (path.is_file() or described.is_file())
     kept = source.with_name(source.name + ".damaged")
@@ -66,22 +72,8 @@ def _recover(
     source: Path, fresh: Path, kept: Path, whole: bool, on_progress: Callable[[int], None]
 ) -> Recovery:
     directory = source.parent
-    channels: dict[int, str] = {}
-    schemas: dict[int, Schema] = {}
     folder = None if whole else BagFolder(fresh, source.name, *_beginning(source))
-    count, end_ns = 0, 0
-    for record in _readable(source, on_progress):
-        if isinstance(record, Schema):
-            schemas[record.id] = record
-        elif isinstance(record, Channel):
-            channels[record.id] = record.topic
-            if folder is not None and record.topic not in folder:
-                folder.add_topic(_topic_info(record, schemas))
-        elif isinstance(record, Message):
-            count += 1
-            end_ns = max(end_ns, record.log_time)
-            if folder is not None:
-                folder.write(channels[record.channel_id], record.log_time, record.data)
+    count, end_ns = _copied(source, folder, on_progress)
     if folder is None:
         return Recovery(source, None, count, end_ns)
     folder.close()
@@ -100,6 +92,52 @@ def _recover(
         (fresh / METADATA).replace(described)
     fresh.rmdir()
     return Recovery(source, kept, count, end_ns)
+
+
+def _copied(source: Path, folder: BagFolder | None, on_progress: Callable[[int], None]) -> tuple[int, int]:
+    """Copy what can be read of a bag to `folder`; return the number of messages and the last time [ns]."""
+    channels: dict[int, str] = {}
+    schemas: dict[int, Schema] = {}
+    count, end_ns = 0, 0
+    for record in _readable(source, on_progress):
+        if isinstance(record, Schema):
+            schemas[record.id] = record
+        elif isinstance(record, Channel):
+            channels[record.id] = record.topic
+            if folder is not None and record.topic not in folder:
+                folder.add_topic(_topic_info(record, schemas))
+        elif isinstance(record, Message):
+            count += 1
+            end_ns = max(end_ns, record.log_time)
+            if folder is not None:
+                folder.write(channels[record.channel_id], record.log_time, record.data)
+    return count, end_ns
+
+
+_copies: dict[Path, Path] = {}
+"""Copies of bags that were being written when this process read them, by their place."""
+
+
+def readable(source: Path) -> Path:
+    """The bag file itself or, while it is being written, a copy of what is there, until forget_copies."""
+    if source in _copies:
+        return _copies[source]
+    writer = writer_of(source)
+    if not writer:
+        return source
+    log = logging.getLogger("subsoil_ros")
+    log.warning("%s: is being written by %s; reading what is there", source, writer)
+    place = Path(tempfile.mkdtemp(prefix="subsoil-live-"))
+    atexit.register(shutil.rmtree, place, ignore_errors=True)
+    folder = BagFolder(place / "bag", None, *_beginning(source))
+    _copied(source, folder, lambda done_bytes: None)
+    folder.close()
+    return _copies.setdefault(source, folder.path)
+
+
+def forget_copies() -> None:
+    """Let the next reader of a bag that is being written see what is there by then."""
+    _copies.clear()
 
 
 def _files_of(metadata: Path) -> list[str]:
@@ -128,7 +166,7 @@ def _beginning(path: Path) -> tuple[dict[str, str], dict[str, bytes]]:
 
 def last_time_ns(path: Path) -> int:
     """Simulated time of the last message [ns] that can be read from a bag, closed or not; 0 if none can."""
-    source = mcap_path(path)
+    source = mcap_file(path)
     return max((record.log_time for record in _readable(source) if isinstance(record, Message)), default=0)
 
 

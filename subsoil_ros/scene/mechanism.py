@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from ..strict_model import Finite, NonNegative, Point, Positive, StrictModel
+from ..strict_model import Finite, Name, NonNegative, Point, Positive, StrictModel
 from .time_laws import Law
 
 GROUND = "ground"
@@ -373,9 +373,9 @@ class InitialState(StrictModel):
 class Mechanism(StrictModel):
     """The machine. Order of bodies, joints and forces is the order of the file."""
 
-    bodies: dict[str, Body] = Field(min_length=1)
-    joints: dict[str, Joint] = {}
-    forces: dict[str, Force] = {}
+    bodies: dict[Name, Body] = Field(min_length=1)
+    joints: dict[Name, Joint] = {}
+    forces: dict[Name, Force] = {}
     draft_driver: str | None = Field(None, description="the joint whose x force is the draft.")
     initial: InitialState = InitialState()
     integrator: Literal["adams_moulton", "runge_kutta_4", "generalized_alpha"] = "adams_moulton"

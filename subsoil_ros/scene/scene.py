@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from ..strict_model import Finite, NonNegative, Positive, StrictModel, WithinReach
+from ..strict_model import Finite, Name, NonNegative, Positive, StrictModel, WithinReach
 from ..ticks import LONGEST_S, NANOSECONDS_PER_SECOND
 from .controller import Controller, DraftLimit, External
 from .mechanism import Driver, Mechanism, WheelContact
@@ -109,7 +109,7 @@ class Scene(StrictModel):
     allow: tuple[Allowance, ...] = Field((), description="refusals that this scene overrides, for studies.")
     soil: AnySoil | None = Field(None, description="left out: no soil engine.")
     mechanism: Mechanism | None = Field(None, description="left out: every tool follows its `path`.")
-    tools: dict[str, Tool] = Field({}, description="need `soil`.")
+    tools: dict[Name, Tool] = Field({}, description="need `soil`.")
     controller: Controller | None = Field(None, description="commands one driver during the run.")
     coupling: Coupling = Field(Coupling(), description="of soil and mechanism.")
     record: Record = Field(Record(), description="what the bag has, and how often.")

@@ -1,7 +1,10 @@
 """Tool meshes: STL files, checked, placed in the frame of the body that carries them; their mass."""
 
+import io
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -19,6 +22,9 @@ LARGEST_SIZE_M = 20.0
 SMALLEST_HEIGHT = 1e-6
 """Height of a facet over the mesh's size below which it is degenerate: ten times the round-off of the float32
 of an STL file."""
+
+HOLLOW_POINTS = 64
+"""Vertices of a part turned inward that are looked up in the others, about."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +46,16 @@ class ToolMesh:
     def about_body(self) -> "ToolMesh":
         """The mesh with y measured from the body, as needed for a tool that moves in space."""
         return replace(self, vertices_m=self.vertices_m - (0.0, self.lateral_m, 0.0), lateral_m=0.0)
+
+    def part_of_facets(self) -> NDArray[np.int32]:
+        """(m,) number of the closed part that each facet belongs to."""
+        return _part_of_facets(self.facets)
+
+    def without_voids(self) -> "ToolMesh":
+        """The mesh without closed hollows, which no particle can enter."""
+        part = self.part_of_facets()
+        kept = (_volumes(self.vertices_m, self.facets, part) > 0.0)[part]
+        return replace(self, facets=self.facets[kept], facet_group=self.facet_group[kept])
 
 
 def load_tool_mesh(directory: Path, scene: Scene, tool_name: str) -> ToolMesh:
@@ -96,11 +112,11 @@ def _checked(directory: Path, part: MeshPart, place: str) -> trimesh.Trimesh:
             f"{where}: is not watertight ({open_count} open edges of {len(mesh.edges_unique)}); "
             "a tool needs a closed surface: repair the mesh, each edge shared by exactly two facets"
         )
-    inward = not mesh.is_winding_consistent or (_volumes(mesh) <= 0.0).any()
-    if inward:
+    if not mesh.is_winding_consistent or _wrong_side_out(mesh):
         raise SceneError(
             f"{where}: facets point inward (volume {mesh.volume * part.scale**3:.3g} m3); normals must "
-            "point outward: turn the winding of the facets round, for example by trimesh's fix_normals()"
+            "point outward, those of a closed hollow into it: turn the winding of the facets round, for "
+            "example by trimesh's fix_normals()"
         )
     return mesh
 
@@ -109,8 +125,11 @@ def _read(path: Path, where: str) -> trimesh.Trimesh:
     if path.suffix.lower() != ".stl":
         raise SceneError(f"{where}: given a '{path.suffix}' file, allowed are .stl files")
     try:
-        with path.open("rb") as stream:
-            mesh = trimesh.load_mesh(stream, file_type="stl", process=True)
+        content = path.read_bytes()
+        _refuse_cut_off(content, where)
+        mesh = trimesh.load_mesh(io.BytesIO(content), file_type="stl", process=True)
+    except SceneError:
+        raise
     except Exception as error:  # trimesh raises whatever its parsers meet
         raise SceneError(f"{where}: cannot be read as STL: {' '.join(str(error).split())}") from error
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
@@ -118,12 +137,57 @@ def _read(path: Path, where: str) -> trimesh.Trimesh:
     return mesh
 
 
-def _volumes(mesh: trimesh.Trimesh) -> NDArray[np.float64]:
-    """Signed volume of each connected piece [file units^3], (pieces,)."""
-    piece = trimesh.graph.connected_component_labels(mesh.face_adjacency, node_count=len(mesh.faces))
-    corners = mesh.triangles - mesh.vertices.mean(axis=0)
+def _refuse_cut_off(content: bytes, where: str) -> None:
+    """Raise SceneError for an STL file that ends before its last facet."""
+    is_text = content.lstrip().startswith(b"solid") and b"facet" in content[:1000]
+    missing = ""
+    if is_text and b"endsolid" not in content:
+        missing = "it has no 'endsolid'"
+    elif not is_text and len(content) >= 84:
+        count, held = int.from_bytes(content[80:84], "little"), (len(content) - 84) // 50
+        missing = f"{held} of its {count} facets are there" if held < count else ""
+    if missing:
+        raise SceneError(f"{where}: is cut off: {missing}; copy or export it again")
+
+
+def _part_of_facets(facets: NDArray[Any]) -> NDArray[np.int32]:
+    """(m,) number of the part that each facet of a watertight mesh belongs to; parts share no edge."""
+    ends = np.sort(np.stack([facets, np.roll(facets, -1, axis=1)], axis=-1), axis=-1).reshape(-1, 2)
+    pairs = np.lexsort(ends.T).reshape(-1, 2) // 3
+    return np.asarray(trimesh.graph.connected_component_labels(pairs, node_count=len(facets)), np.int32)
+
+
+def _volumes(
+    vertices: NDArray[np.float64], facets: NDArray[Any], part: NDArray[np.int32]
+) -> NDArray[np.float64]:
+    """Signed volume of each part [length units^3], (parts,)."""
+    corners = vertices[facets] - vertices.mean(axis=0)
     sixfold = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
-    return np.bincount(piece, weights=sixfold) / 6.0
+    return np.bincount(part, weights=sixfold) / 6.0
+
+
+def _wrong_side_out(mesh: trimesh.Trimesh) -> bool:
+    """Whether a part has its facets inward and is no hollow of another one."""
+    vertices, facets = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    part = _part_of_facets(facets)
+    volumes = _volumes(vertices, facets, part)
+    solid = facets[(volumes > 0.0)[part]]
+    for k in np.flatnonzero(volumes <= 0.0):
+        own = np.unique(facets[part == k])
+        points = vertices[own[:: max(1, len(own) // HOLLOW_POINTS)]]
+        if volumes[k] == 0.0 or any(_turns_around(point, vertices[solid]) < 0.5 for point in points):
+            return True
+    return False
+
+
+def _turns_around(point: NDArray[np.float64], corners: NDArray[np.float64]) -> float:
+    """How often facets (m, 3, 3) enclose a point: solid angle over 4 pi (A. van Oosterom, J. Strackee, IEEE
+    Trans. Biomed. Eng. 30, 1983)."""
+    a, b, c = np.moveaxis(corners - point, 1, 0)
+    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
+    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
+    base = la * lb * lc + (a * b).sum(1) * lc + (b * c).sum(1) * la + (c * a).sum(1) * lb
+    return float(np.arctan2(volume, base).sum() / math.tau)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from ..rotations import Quaternion, planar_quaternion, quaternion_of, rotation_between, turned
-from ..strict_model import Finite, Positive, StrictModel
+from ..strict_model import Finite, Name, Positive, StrictModel
 from .time_laws import Law
 
 
@@ -172,7 +172,7 @@ class Tool(StrictModel):
     body: str | None = Field(None, description="of the mechanism, which carries the tool.")
     path: Path | None = Field(None, description="of the tool, if there is no mechanism.")
     lateral_m: Finite = Field(0.0, description="y of the tool's body, or of its path.")
-    groups: dict[str, MeshPart] = Field(min_length=1)
+    groups: dict[Name, MeshPart] = Field(min_length=1)
     density_kg_per_m3: Positive | None = Field(
         None,
         description="of the solid; `subsoil check` prints mass and inertia of the meshes from it.",

@@ -21,6 +21,7 @@ from ...report.result_tables import print_summary
 from ...report.sentences import mean_words
 from ...ros.process.node_plan import checked_namespace, nodes_of
 from ...ros.process.supervisor import Supervisor, node_program, start_node
+from ...ros.transport.environment import check_environment
 from ...ros.transport.ros_domain import run_domain
 from ...ros.transport.shared_memory import avoid_full_memory
 from ...yaml_document import Document
@@ -49,6 +50,7 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
         _refuse_direct(args, resolved)
     else:
         require_ros(f"--mode {args.mode}", "give --mode direct")
+        check_environment()
     live = live_port(args.live)
     if live and not resolved.scene.record.bag:
         raise InputError("--live: shows what is recorded, and record.bag is false; add --set record.bag=true")

@@ -25,7 +25,7 @@ from ..mixture import pair_of, sphere_of
 from ..pairs import contact_of_pair
 from ..per_particle import of_particle
 from ..periodic import nearest_image
-from ..tools.forces import CONTACTS, FOUND, row_forces
+from ..tools.forces import CANDIDATES, CONTACTS, FOUND, row_forces
 from ..walls import WALLS, contact_at_wall
 from .device import THREADS, WARP
 from .scan import block_largest, block_total
@@ -255,7 +255,7 @@ def tool_kernel(features: Features) -> Any:
         row = cuda.grid(1)
         if row >= sizes[k] or row >= particle.shape[0] or report[FAR] == 1.0:
             return
-        out = cuda.local.array((CONTACTS, FOUND), float64)
+        out = cuda.local.array((CANDIDATES, FOUND), float64)
         old_shear = cuda.local.array((CONTACTS, 3), float64)
         old_roll = cuda.local.array((CONTACTS, 3), float64)
         for a in range(3):

@@ -8,6 +8,9 @@ from numba import njit
 from ...scene.tool_mesh import ToolMesh
 from .motion import into_body, out_of_body
 
+_NEAR = 1e-2
+"""Gap between the boxes of two parts over the size of the tool below which contacts look at both."""
+
 
 class Facets(NamedTuple):
     """A tool's surface in its body frame. Every closed mesh of the tool keeps its own topology."""
@@ -18,6 +21,7 @@ class Facets(NamedTuple):
     vertex: np.ndarray  # (m, 3) int32
     opposite: np.ndarray  # (m, 3) int32: facet across edge ab, bc, ca
     group: np.ndarray  # (m,) int32
+    part: np.ndarray  # (m,) int32, number of the closed part; of length 0 if no two parts are near each other
 
 
 def facets_of(mesh: ToolMesh) -> Facets:
@@ -39,7 +43,22 @@ def facets_of(mesh: ToolMesh) -> Facets:
         facets,
         opposite.reshape(-1, 3),
         np.ascontiguousarray(mesh.facet_group, np.int32),
+        _parts_in_touch(mesh),
     )
+
+
+def _parts_in_touch(mesh: ToolMesh) -> np.ndarray:
+    """(m,) int32: number of each facet's closed part, or (0,) if the boxes of no two parts overlap."""
+    part = mesh.part_of_facets()
+    corner = mesh.vertices_m[mesh.facets]
+    boxes = [(corner[part == k].min((0, 1)), corner[part == k].max((0, 1))) for k in range(part.max() + 1)]
+    near = _NEAR * float(np.ptp(mesh.vertices_m, axis=0).max())
+    touch = any(
+        (low <= other_high + near).all() and (other_low <= high + near).all()
+        for k, (low, high) in enumerate(boxes)
+        for other_low, other_high in boxes[:k]
+    )
+    return part if touch else part[:0]
 
 
 @njit(cache=True, error_model="numpy")

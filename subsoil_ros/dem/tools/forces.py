@@ -1,10 +1,11 @@
 """Forces between particles and one tool.
 
-A contact belongs to a feature of the surface: a face, a convex edge or a vertex. A feature counts when
-it is the nearest one on every facet that shares it, so a flat or convex place gives one contact however
-finely it is meshed, a concave corner one per face. Surfaces are one-sided: a contact starts only from
-outside, and then stays on its face even when the centre is pressed through it, so a particle cannot flip
-to the far side of a thin share. Geometry and histories live in the tool's body frame.
+A contact belongs to a feature of the surface: a face, an edge or a vertex, where the distance from the
+particle's centre has a minimum. Of minima in nearly one direction the deepest counts, so a flat, convex or
+smoothly concave place gives one contact however finely it is meshed, a concave corner one per face. Parts of
+a tool that touch or overlap are one surface. Surfaces are one-sided: a contact starts only from outside, and
+then stays on its face even when the centre is pressed through it, so a particle cannot flip to the far side
+of a thin share. Geometry and histories live in the tool's body frame.
 """
 
 import math
@@ -28,9 +29,25 @@ _CHUNKS = 32
 _DEEPEST = SHARED_SINKS + 1
 """Place of the largest overlap among the sums of a tool."""
 
-FOUND = 6
+CANDIDATES = 12
+"""Minima of the distance that are compared; the shallowest of more are left out."""
+
+FOUND = 7
 """Numbers of a contact that was found: unit normal towards the tool, distance [m] (negative: centre behind
-the face), group, history slot or -1."""
+the face), group, history slot or -1, and whether it counts (0: not yet decided)."""
+
+_ROUNDING_M = 1e-9
+"""Distances that differ by less count as equal: a million times the round-off, a millionth of a particle."""
+
+_ONE_CONTACT = math.cos(math.radians(30.0))
+"""Cosine of the angle between normals below which contacts are one: facets of a smooth concave surface meet
+at less, those of a corner at more."""
+
+_LEVEL = 0.01
+"""Slope of the distance along a surface below which a point of it is not left for another."""
+
+_JOINED = 1e-3
+"""Gap over a particle's reach below which parts of a tool are one surface."""
 
 _SAME_NORMAL = 0.7
 """Least cosine between normals of a contact and the one it continues: its springs pass between facets that
@@ -38,37 +55,104 @@ meet at less than 45 degrees."""
 
 
 @inner_kernel()
-def _is_nearest(px, py, pz, dx, dy, dz, facets, m, kind):
-    """Whether edge or vertex `kind` of facet m is nearest to p on every facet that shares it, m being the
-    first of these and p outside of one at least. d [m]: from p to the nearest point.
+def _is_nearest(p, d, distance, facets, m, kind):
+    """Whether no facet at edge or vertex `kind` of facet m is nearer to p than `distance`, and p is outside
+    of one of them at least. d [m]: from p to the edge or vertex.
 
-    Winding is consistent, so the facets across one edge after another lead around a vertex, or back.
+    Winding is consistent, so the facets across one edge after another lead around a vertex, or back. Only
+    distances are compared, with a tolerance: whichever of the facets finds an edge or a vertex nearest, by
+    rounding, a contact there is found once at least.
     """
+    dx, dy, dz = d
     corner = (kind - 1) % 3
-    number = facets.edge[m, corner] if kind < 4 else facets.vertex[m, corner]
     outside, other = False, m
     while True:
         nx, ny, nz = facets.normal[other, 0], facets.normal[other, 1], facets.normal[other, 2]
-        if dx * nx + dy * ny + dz * nz <= 0.0:
+        if dx * nx + dy * ny + dz * nz <= _ROUNDING_M:
             outside = True
-        other = facets.opposite[other, corner]
-        if other == m:
+        across = facets.opposite[other, corner]
+        if across == m:
             return outside
-        if other < m:
+        corner = 0
+        while not (
+            facets.edge[across, corner] == facets.edge[m, kind - 1]
+            if kind < 4
+            else facets.vertex[across, corner] == facets.vertex[m, kind - 4]
+        ):
+            corner += 1
+        other = across
+        qx, qy, qz, _ = closest_feature(p[0], p[1], p[2], facets.corner[other])
+        if math.sqrt((qx - p[0]) ** 2 + (qy - p[1]) ** 2 + (qz - p[2]) ** 2) < distance - _ROUNDING_M:
             return False
-        _, _, _, feature = closest_feature(px, py, pz, facets.corner[other])
-        if feature == 0 or (feature < 4) != (kind < 4):
-            return False
-        corner = (feature - 1) % 3
-        if number != (facets.edge[other, corner] if kind < 4 else facets.vertex[other, corner]):
-            return False
+
+
+@inner_kernel()
+def _enters(p, d, near, corner, normal):
+    """Whether the way from p along d [m] enters a facet before its last part `near` (of its length)."""
+    along = d[0] * normal[0] + d[1] * normal[1] + d[2] * normal[2]
+    if along >= 0.0:
+        return False
+    qx, qy, qz = corner[0, 0] - p[0], corner[0, 1] - p[1], corner[0, 2] - p[2]
+    part = (qx * normal[0] + qy * normal[1] + qz * normal[2]) / along
+    if not 0.0 <= part <= 1.0 - near:
+        return False
+    x, y, z = p[0] + part * d[0], p[1] + part * d[1], p[2] + part * d[2]
+    sx, sy, sz, _ = closest_feature(x, y, z, corner)
+    return (x - sx) ** 2 + (y - sy) ** 2 + (z - sz) ** 2 <= _ROUNDING_M**2
+
+
+@inner_kernel()
+def _is_hidden(p, d, distance, joined, facets, m, first, last, facet):
+    """Whether another part of the tool covers the point p + d [m] of facet m, or goes on from it towards p.
+
+    Parts that are nearer to each other than `joined` [m] are one surface.
+    """
+    x, y, z = p[0] + d[0], p[1] + d[1], p[2] + d[2]
+    for q in range(first, last):
+        other = facet[q]
+        if facets.part[other] == facets.part[m]:
+            continue
+        if _enters(p, d, joined / distance, facets.corner[other], facets.normal[other]):
+            return True
+        qx, qy, qz, _ = closest_feature(p[0], p[1], p[2], facets.corner[other])
+        nearer = distance - math.sqrt((qx - p[0]) ** 2 + (qy - p[1]) ** 2 + (qz - p[2]) ** 2)
+        way = math.sqrt((qx - x) ** 2 + (qy - y) ** 2 + (qz - z) ** 2)
+        if nearer > _ROUNDING_M + _LEVEL * way:
+            qx, qy, qz, _ = closest_feature(x, y, z, facets.corner[other])
+            if (qx - x) ** 2 + (qy - y) ** 2 + (qz - z) ** 2 <= joined**2:
+                return True
+    return False
+
+
+@inner_kernel()
+def _one_of_each_direction(found, out):
+    """Of `found` candidates, the deepest of every direction, in their order; returns how many."""
+    for _ in range(found):
+        deepest = -1
+        for k in range(found):
+            if out[k, 6] == 0.0 and (deepest < 0 or out[k, 3] < out[deepest, 3]):
+                deepest = k
+        if deepest < 0:
+            break
+        out[deepest, 6] = 1.0
+        for k in range(found):
+            cosine = out[k, 0] * out[deepest, 0] + out[k, 1] * out[deepest, 1] + out[k, 2] * out[deepest, 2]
+            if out[k, 6] == 0.0 and cosine > _ONE_CONTACT:
+                out[k, 6] = -1.0
+    kept = 0
+    for k in range(found):
+        if out[k, 6] > 0.0 and kept < CONTACTS:
+            for a in range(FOUND):
+                out[kept, a] = out[k, a]
+            kept += 1
+    return kept
 
 
 @inner_kernel()
 def _find_contacts(px, py, pz, facets, first, last, facet, reach, was_active, was_normal, out):
     """Contacts of a centre p [m, body frame] with the facets facet[first:last].
 
-    Returns the number found; rows of out (CONTACTS, FOUND), but for the slot's normal.
+    Returns the number found; rows of out (CANDIDATES, FOUND), but for the slot's normal.
     """
     found = 0
     for q in range(first, last):
@@ -83,7 +167,7 @@ def _find_contacts(px, py, pz, facets, first, last, facet, reach, was_active, wa
         if kind == 0 or (height < 0.0 and distance + height < 1e-12):  # also behind the seam of a flat face
             nx, ny, nz, distance = -nx, -ny, -nz, height
         else:
-            if distance == 0.0 or not _is_nearest(px, py, pz, dx, dy, dz, facets, m, kind):
+            if distance == 0.0 or not _is_nearest((px, py, pz), (dx, dy, dz), distance, facets, m, kind):
                 continue
             nx, ny, nz = dx / distance, dy / distance, dz / distance
         slot, best = -1, _SAME_NORMAL
@@ -94,19 +178,22 @@ def _find_contacts(px, py, pz, facets, first, last, facet, reach, was_active, wa
                     slot, best = s, cosine
         if distance < 0.0 and slot < 0:
             continue  # seen from behind: another face holds this particle
-        same = False
-        for k in range(found):  # two facets of one plane, both with the nearest point
-            if (
-                nx * out[k, 0] + ny * out[k, 1] + nz * out[k, 2] > 1.0 - 1e-9
-                and abs(distance - out[k, 3]) < 1e-12
-            ):
-                same = True
-        if same or found == CONTACTS:
-            continue
-        out[found, 0], out[found, 1], out[found, 2] = nx, ny, nz
-        out[found, 3], out[found, 4], out[found, 5] = distance, facets.group[m], slot
-        found += 1
-    return found
+        if distance > 0.0 and len(facets.part) > 0:
+            d, joined = (distance * nx, distance * ny, distance * nz), _JOINED * reach
+            if _is_hidden((px, py, pz), d, distance, joined, facets, m, first, last, facet):
+                continue
+        place = found
+        if found == CANDIDATES:  # in place of the shallowest
+            place = 0
+            for k in range(found):
+                if out[k, 3] > out[place, 3]:
+                    place = k
+            if distance >= out[place, 3]:
+                continue
+        out[place, 0], out[place, 1], out[place, 2] = nx, ny, nz
+        out[place, 3], out[place, 4], out[place, 5], out[place, 6] = distance, facets.group[m], slot, 0.0
+        found = max(found, place + 1)
+    return _one_of_each_direction(found, out)
 
 
 @inner_kernel()
@@ -186,7 +273,7 @@ def row_forces(
 ):  # fmt: skip
     """Adds the forces of the tool on candidate `row`, and their reaction on the tool.
 
-    out (CONTACTS, FOUND), old_shear (CONTACTS, 3) and old_roll, as long as `roll`, are room to work in.
+    out (CANDIDATES, FOUND), old_shear (CONTACTS, 3) and old_roll, as long as `roll`, are room to work in.
     """
     i = particle[row]
     radius, law = sphere_of(i, common_radius, common_law, mixture, features)
@@ -208,7 +295,7 @@ def _rows_forces(
     group_force, moment, sums,
 ):  # fmt: skip
     """Candidates first <= row < last; group_force (groups, 3), moment (3,), sums (n,) are theirs alone."""
-    out = np.empty((CONTACTS, FOUND))
+    out = np.empty((CANDIDATES, FOUND))
     old_shear, old_roll = np.empty((CONTACTS, 3)), np.empty((CONTACTS, roll.shape[2]))
     group_force[:] = 0.0
     moment[:] = 0.0
@@ -264,7 +351,7 @@ def tool_scan(
 ):  # fmt: skip
     """Stored energy of one tool's contacts [J]."""
     energy = 0.0
-    out = np.empty((CONTACTS, FOUND))
+    out = np.empty((CANDIDATES, FOUND))
     for row in range(particle.shape[0]):
         i = particle[row]
         radius, law = sphere_of(i, common_radius, common_law, mixture, features)

@@ -249,7 +249,7 @@ def surfaces(resolved: ResolvedScene, bed: Bed, motions: tuple[ToolMotion, ...])
     bodies = scene.mechanism.bodies if scene.mechanism else {}
     sinks, found = len(soil.law.sinks), []
     for (name, tool), motion in zip(scene.tools.items(), motions, strict=True):
-        mesh = load_tool_mesh(resolved.directory, scene, name)
+        mesh = load_tool_mesh(resolved.directory, scene, name).without_voids()
         reference = bodies[tool.body].angle_rad if tool.body else 0.0
         if isinstance(motion, SpatialMotion):
             mesh = mesh.about_body()
@@ -265,9 +265,11 @@ def refuse_leap(where: str, tool: ToolSurface, motion: ToolMotion, step_s: float
     Raises:
         PhysicsError: always.
     """
-    speed = tool.speed_m_per_s(motion)
+    speed, spin = tool.speed_m_per_s(motion), math.hypot(*motion.spin_rad_per_s)
+    angle = "" if tool.spatial else f", at an angle of {motion.angle_rad:.4g} rad"
     raise PhysicsError(
-        f"{where}: tool {tool.name} moves at up to {speed:.3g} m/s, {speed * step_s:.3g} m in one soil step; "
+        f"{where}: tool {tool.name} moves at up to {speed:.3g} m/s, {speed * step_s:.3g} m in one soil step "
+        f"(turning at {spin:.3g} rad/s{angle}); "
         f"allowed is the radius of the smallest particle, {radius_m:g} m: make the tool slower, or use a "
         "smaller soil.time_step_s"
     )

@@ -32,6 +32,7 @@ from ...recording.checkpoint import read_checkpoint
 from ..process.heartbeat import Heartbeat
 from ..process.node_plan import checked_namespace, ros_arguments
 from ..process.node_process import OWN_TIME, Served, Service, say, watched_by
+from ..transport.environment import check_environment
 from ..transport.shared_memory import avoid_full_memory
 from . import mechanism_node, soil_node
 
@@ -66,6 +67,7 @@ def serve(
         InterruptedRunError: the run was interrupted.
         RunError: the run failed; the message has the cause.
     """
+    check_environment()
     resolved = resolved_scene(scene, overrides)
     if (machine is None) == (soil is None):
         raise InputError("serve: give a machine or a soil, one of them")

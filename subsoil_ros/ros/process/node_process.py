@@ -24,6 +24,7 @@ from ...coupling.time_limits import CLOSE_S, KEEP_S, LAST_WORD_S, LATE_S, RETURN
 from ...errors import InputError, RunError, SubsoilError
 from ...messages import NodeState
 from ...ticks import INITIAL_TICK
+from ..transport.environment import check_environment
 from ..transport.private_rclpy import BAD_ARGUMENTS, Logger
 from ..transport.shared_memory import avoid_full_memory
 from .heartbeat import Heartbeat
@@ -150,6 +151,11 @@ def run_process(
             advice = "give --ros-args -p NAME:=VALUE; --help lists the names"
             say(f"{name}: argument '{words[0]}': not known; {advice}")
             return InputError.exit_status
+        try:
+            check_environment()
+        except InputError as error:
+            say(f"{name}: {error}")
+            return error.exit_status
         try:
             notice = avoid_full_memory()
         except InputError as error:

@@ -37,6 +37,33 @@ def test_a_block_falls_on_springs_by_the_closed_form() -> None:
     assert error.max() < 0.01 * MASS_KG * GRAVITY / STIFFNESS
 
 
+class Nothing:
+    """No force at all."""
+
+    def start(self, motions: tuple[ToolMotion, ...]) -> list[ToolWrench]:
+        """Zero."""
+        return [ToolWrench("foot", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)]
+
+    def advance(self, tick: int, motions: tuple[ToolMotion, ...]) -> list[ToolWrench]:
+        """Zero."""
+        return self.start(motions)
+
+
+@pytest.mark.parametrize("every_tick", [True, False])
+def test_a_force_that_the_control_applies_stays_beside_that_of_the_soil(every_tick: bool) -> None:
+    """data.xfrc_applied, set at every exchange or once, lifts the block by (F / m - g) t^2 / 2."""
+    scene, force = subsoil.load_scene(document(record={"checkpoint_s": 0.0})), 2.0 * MASS_KG * GRAVITY
+
+    def control(model: Any, data: Any, time_s: float) -> None:
+        if every_tick or time_s == 0.0:
+            data.body("block").xfrc_applied[2] = force
+
+    machine = subsoil.MujocoMachine(scene, BLOCK, control)
+    run = subsoil.run(scene, machine=machine, soil=Nothing())
+    time_s, z_m = (run.series[name].to_numpy() for name in ("time_s", "tool.foot.z_m"))
+    assert z_m[-1] == pytest.approx(0.5 * GRAVITY * time_s[-1] ** 2, rel=1e-3)
+
+
 ARM_M, BOB_KG, DRAG_NEWTON, YAW_RAD, START_RAD = 2.0, 50.0, 50.0, 0.5, 1.0
 
 

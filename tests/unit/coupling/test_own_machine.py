@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import subsoil_ros as subsoil
-from subsoil_ros import SpatialMotion, ToolMotion
+from subsoil_ros import SpatialMotion, ToolMotion, ToolWrench
 from subsoil_ros.cli.main import main
 from subsoil_ros.errors import InputError, InterruptedRunError, PhysicsError, RunError
 from subsoil_ros.yaml_document import dump_yaml
@@ -105,6 +105,7 @@ BAD: dict[str, tuple[Callable[[Any], Any], str]] = {
     ),
     "text": (lambda m: [replace(m[0], x_m="0")], "gave x_m '0' for tool 'foot'"),
     "in space": (spatial, "gave a SpatialMotion for tool 'foot'; give a ToolMotion"),
+    "aside": (lambda m: [replace(m[0], y_m=0.1)], "gave y_m 0.1, but it moves in the plane y = 0 m"),
     "an error": (raises, "raised ZeroDivisionError: by hand ("),
 }
 
@@ -142,6 +143,62 @@ def test_the_interface_energy_is_watched() -> None:
 
     with pytest.raises(PhysicsError, match="interface energy residual"):
         subsoil.run(document(), machine=Block(), soil=Half())
+
+
+class Spinner:
+    """Turns at a constant speed; its angle is told as it is, or between -pi and pi."""
+
+    def __init__(self, wrapped: bool) -> None:
+        self._wrapped, self._turned_rad = wrapped, 0.0
+
+    def initial_motions(self) -> list[ToolMotion]:
+        angle = math.remainder(self._turned_rad, math.tau) if self._wrapped else self._turned_rad
+        return [ToolMotion("foot", 0.0, 0.0, 0.0, angle, 0.0, 0.0, 30.0)]
+
+    def advance(self, tick: int, wrenches: Any) -> list[ToolMotion]:
+        self._turned_rad += 30.0 * 1e-4
+        return self.initial_motions()
+
+    def state_arrays(self) -> dict[str, Any]:
+        return {"turned": np.array(self._turned_rad)}
+
+    def restore(self, arrays: Any) -> None:
+        self._turned_rad = float(arrays["turned"])
+
+
+class Brake:
+    """A torque against the turn, and its work."""
+
+    def start(self, motions: tuple[ToolMotion, ...]) -> list[ToolWrench]:
+        self._angle = motions[0].angle_rad
+        return [ToolWrench("foot", 0.0, 0.0, 0.0, 0.0, 5.0, 0.0, 0.0, 1)]
+
+    def advance(self, tick: int, motions: tuple[ToolMotion, ...]) -> list[ToolWrench]:
+        turned, self._angle = motions[0].angle_rad - self._angle, motions[0].angle_rad
+        return [ToolWrench("foot", 0.0, 0.0, 0.0, 0.0, 5.0, 0.0, -5.0 * turned, 1)]
+
+    def state_arrays(self) -> dict[str, Any]:
+        return {"angle": np.array(self._angle)}
+
+    def restore(self, arrays: Any) -> None:
+        self._angle = float(arrays["angle"])
+
+
+def test_an_angle_may_be_told_between_minus_pi_and_pi(tmp_path: Path) -> None:
+    """One and a half turns: the same series as of the whole angle, also when resumed past half a turn."""
+
+    def stop(done: int, count: int) -> None:
+        if done == 2 * count // 3:
+            raise KeyboardInterrupt
+
+    whole = subsoil.run(document(), machine=Spinner(False), soil=Brake()).series
+    assert whole["tool.foot.angle_rad"].iloc[-1] == pytest.approx(9.0)
+    with pytest.raises(InterruptedRunError):
+        subsoil.run(document(), tmp_path / "half", machine=Spinner(True), soil=Brake(), progress=stop)
+    rest = subsoil.run(
+        document(), tmp_path / "rest", machine=Spinner(True), soil=Brake(), resume=tmp_path / "half"
+    ).series
+    np.testing.assert_allclose(rest.to_numpy(), whole.to_numpy(), rtol=1e-9, atol=1e-9)
 
 
 class Silent:

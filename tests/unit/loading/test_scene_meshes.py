@@ -145,6 +145,16 @@ def test_one_piece_inside_out(load: Callable[..., ToolMesh]) -> None:
     assert "point inward" in complaint(load, trimesh.util.concatenate([large, small]))
 
 
+def test_a_closed_hollow_points_into_itself(load: Callable[..., ToolMesh]) -> None:
+    """The hollow of a welded tube is turned inward, a pin in the hollow outward again."""
+    tube, hollow = trimesh.creation.box((0.2, 0.2, 0.2)), trimesh.creation.box((0.1, 0.1, 0.1))
+    hollow.invert()
+    pin = trimesh.creation.box((0.05, 0.05, 0.05))
+    mesh = load(trimesh.util.concatenate([tube, hollow, pin]))
+    corners = mesh.vertices_m[mesh.facets]
+    assert_allclose(np.linalg.det(corners).sum() / 6.0, 0.2**3 - 0.1**3 + 0.05**3, rtol=1e-6)
+
+
 def test_flat_facet(load: Callable[..., ToolMesh]) -> None:
     """A facet without area is refused by its number."""
     box = trimesh.creation.box((0.1, 0.1, 0.1))
@@ -166,6 +176,8 @@ def test_mesh_in_millimetres(load: Callable[..., ToolMesh]) -> None:
         ("tool.stl", b"", "cannot be read|holds no facets"),
         ("tool.stl", b"\x00" * 50, "cannot be read|holds no facets"),
         ("tool.stl", b"solid x\nendsolid x\n", "cannot be read|holds no facets"),
+        ("tool.stl", bytes(80) + (12).to_bytes(4, "little") + bytes(500), "cut off: 10 of its 12 facets"),
+        ("tool.stl", b"solid x\n facet normal 0 0 1\n  outer loop\n", "cut off: it has no 'endsolid'"),
     ],
 )
 def test_file_that_is_no_mesh(tmp_path: Path, name: str, content: bytes, words: str) -> None:

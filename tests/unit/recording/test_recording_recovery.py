@@ -3,19 +3,24 @@
 import os
 from pathlib import Path
 
+import pytest
 import yaml
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
+from subsoil_ros.errors import InputError
 from subsoil_ros.limits.stable_steps import Timing
+from subsoil_ros.recording.bag_info import describe
 from subsoil_ros.recording.bag_writer import BagWriter
-from subsoil_ros.recording.recovery import recover
+from subsoil_ros.recording.recovery import forget_copies, recover
 from tests.unit.recording.recording_samples import (
     INTERVAL_NS,
     SCENE,
     SERIES_TICKS,
+    TICKS,
     end_ns,
     raw_messages,
+    records_of,
     write_long_bag,
 )
 
@@ -43,6 +48,24 @@ def test_a_truncated_bag_is_mended(tmp_path):
     with AnyReader([tmp_path / "bag"]) as reader:
         assert reader.message_count == len(mended)
     assert recover(tmp_path / "bag").damaged_path is None
+
+
+def test_a_bag_that_is_being_written_is_read_and_left_alone(tmp_path, caplog):
+    """Readers say who writes it and read what is there; `recover` refuses; the writer goes on to its end."""
+    writer = BagWriter(tmp_path / "bag", SCENE, Timing(INTERVAL_NS, 1500, 1, 1))
+    write_long_bag(writer, 1000)
+    found = describe(tmp_path / "bag")
+    assert f"is being written by process {os.getpid()}; reading what is there" in caplog.text
+    assert found.message_count > 1000
+    with pytest.raises(InputError, match=f"written by process {os.getpid()}; wait for its end"):
+        recover(tmp_path / "bag")
+    for record in records_of(TICKS - 1)[1:3]:
+        writer.write(type(record)("run", 1000, end_ns(1000), record.tools))
+    writer.close()
+    assert {item.suffix for item in (tmp_path / "bag").iterdir()} == {".mcap", ".yaml"}
+    forget_copies()
+    whole = describe(tmp_path / "bag").message_count
+    assert found.message_count < whole == len(raw_messages(tmp_path / "bag"))
 
 
 def test_only_the_file_named_is_touched(tmp_path):

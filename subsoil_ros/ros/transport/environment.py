@@ -1,0 +1,53 @@
+"""Environment variables of ROS, checked before anything starts: ROS itself ends late, or waits in silence."""
+
+import os
+import sys
+from pathlib import Path
+
+from ...errors import InputError
+
+LARGEST_DOMAIN = 232
+"""Above it the ports of the domain (RTPS specification) do not exist."""
+
+_RANGES = ("SUBNET", "LOCALHOST", "SYSTEM_DEFAULT")
+_PROFILES = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")
+
+
+def check_environment() -> None:
+    """Check what ROS will read.
+
+    Raises:
+        InputError: a variable has a value with which no node starts, or none finds another.
+    """
+    given = {name: value for name, value in os.environ.items() if value}
+    domain = given.get("ROS_DOMAIN_ID", "0")
+    if not domain.isdecimal() or int(domain) > LARGEST_DOMAIN:
+        _refuse("ROS_DOMAIN_ID", domain, f"a whole number from 0 to {LARGEST_DOMAIN} (better, to 101)")
+    reach = given.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    if reach not in _RANGES:
+        words = "; with OFF no node finds another" if reach == "OFF" else ""
+        _refuse("ROS_AUTOMATIC_DISCOVERY_RANGE", reach, f"{', '.join(_RANGES)}{words}")
+    only_here = given.get("ROS_LOCALHOST_ONLY", "0")
+    if only_here not in ("0", "1"):
+        _refuse("ROS_LOCALHOST_ONLY", only_here, "0 or 1")
+    middleware = given.get("RMW_IMPLEMENTATION")
+    if middleware is not None and not _is_installed(middleware):
+        _refuse("RMW_IMPLEMENTATION", middleware, "the name of an installed one, as rmw_fastrtps_cpp")
+    for name in _PROFILES:
+        if name in given and not Path(given[name]).is_file():
+            _refuse(name, given[name], "an existing file")
+    keys = given.get("ROS_SECURITY_KEYSTORE", "")
+    if given.get("ROS_SECURITY_ENABLE") == "true" and not Path(keys or "/nowhere").is_dir():
+        _refuse("ROS_SECURITY_KEYSTORE", keys, "an existing folder where ROS_SECURITY_ENABLE is true")
+
+
+def _refuse(name: str, given: str, allowed: str) -> None:
+    raise InputError(f"environment: {name} is '{given}'; it must be {allowed}; set it so, or unset it")
+
+
+def _is_installed(middleware: str) -> bool:
+    """Whether the library of an RMW implementation is there; loading another one would end this process."""
+    prefixes = [sys.prefix, *os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)]
+    folders = [Path(prefix) / "lib" for prefix in prefixes if prefix]
+    folders += [Path(entry) for entry in os.environ.get("LD_LIBRARY_PATH", "").split(os.pathsep) if entry]
+    return any((folder / f"lib{middleware}.so").is_file() for folder in folders)

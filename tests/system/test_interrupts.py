@@ -1,0 +1,54 @@
+"""Ctrl-C while a kernel compiles: a word within seconds, and the end at the second one."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+SLOW = """
+import hashlib
+from subsoil_ros.cli.interrupts import answered_interrupts
+
+with answered_interrupts("run"):
+    print("ready", flush=True)
+    hashlib.pbkdf2_hmac("sha256", b"", b"", 2**31 - 1)  # one instruction, as the compilation of a kernel is
+"""
+
+
+def test_two_interrupts_in_one_long_instruction_end_the_program() -> None:
+    """The first is answered though no handler can run; after the second the status is 130 at once."""
+    with subprocess.Popen(
+        [sys.executable, "-c", SLOW], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        assert process.stdout.readline() == "ready\n"
+        process.send_signal(signal.SIGINT)
+        line = process.stderr.readline()
+        assert "subsoil run: interrupted, waits for the step in progress" in line
+        assert "Ctrl-C again ends it at once" in line
+        process.send_signal(signal.SIGINT)
+        assert process.stderr.readline() == "subsoil run: interrupted twice, ended at once\n"
+        assert process.wait() == 130
+
+
+def test_the_first_compilation_says_what_is_awaited(tmp_path: Path) -> None:
+    """`subsoil run` with an empty cache of kernels, interrupted as soon as it compiles."""
+    command = [sys.executable, "-m", "subsoil_ros.cli.main", "run", "tine", "--mode", "direct"]
+    with subprocess.Popen(
+        [*command, "--out", str(tmp_path / "run")],
+        env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kernels")},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stderr is not None
+        while "compiling kernels" not in process.stderr.readline():
+            assert process.poll() is None
+        process.send_signal(signal.SIGINT)
+        said = process.stderr.readline()
+        if "interrupted, waits" in said:  # a long kernel: not one that was nearly done
+            process.send_signal(signal.SIGINT)
+            assert "ended at once" in process.stderr.readline()
+        assert process.wait() == 130

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ..analysis.summary import path_of
 from ..errors import SceneError
 from ..loading.loader import ResolvedScene
+from ..mbd.tool_paths import tool_path
 from ..rotations import placed_m
 from ..scene.soil import Soil
 from ..scene.tool_mesh import ToolMesh, load_tool_mesh
@@ -120,7 +120,7 @@ def _boxes(
         start = tool.path.start_m(tool.lateral_m if tool.is_spatial else 0.0)
         places = [placed_m(corners, start, tool.path.start_quaternion)]
     else:
-        path = path_of(name, tool.lateral_m, tool.path)
+        path = tool_path(name, tool.lateral_m, tool.path)
         motions = [path.motion(time) for time in np.linspace(0.0, resolved.scene.duration_s, MOMENTS)]
         places = [
             placed_m(corners, at.position_m if tool.is_spatial else (at.x_m, 0.0, at.z_m), at.quaternion)

@@ -198,12 +198,12 @@ class ExternalMachineEngine(_ExternalParticipant):
         return self._unwrapped(self._answers("advance", RunError, _motion_kind, tick, wrenches))
 
     def state_arrays(self) -> dict[str, NDArray[Any]]:
-        """As _Outside, with the angles of the last motions."""
+        """The machine's state, with the angles of the last motions."""
         arrays = super().state_arrays()
-        return arrays | {_ANGLES: np.array(self._angles_rad)} if self.keeps_state else arrays
+        return {**arrays, _ANGLES: np.array(self._angles_rad)} if self.keeps_state else dict(arrays)
 
     def restore(self, arrays: Mapping[str, NDArray[Any]]) -> None:
-        """As _Outside."""
+        """Restore a state that `state_arrays` returned."""
         own = {name: array for name, array in arrays.items() if name != _ANGLES}
         super().restore(own)
         self._angles_rad = arrays[_ANGLES].tolist() if _ANGLES in arrays else []

@@ -121,7 +121,7 @@ class PathEngine:
         self._interval_ns = timing.communication_step_ns
         self._tick = INITIAL_TICK
         self._paths = [
-            path_of(name, tool.lateral_m, tool.path)
+            tool_path(name, tool.lateral_m, tool.path)
             for name, tool in scene.tools.items()
             if tool.path is not None
         ]
@@ -182,7 +182,7 @@ class PlanarPath:
         )
 
 
-def path_of(name: str, lateral_m: float, path: Path) -> PlanarPath | TurnedPath | PosedPath:
+def tool_path(name: str, lateral_m: float, path: Path) -> PlanarPath | TurnedPath | PosedPath:
     if path.poses is not None:
         return PosedPath(name, path.poses)
     if path.turn is not None and path.turn.free is not None:

@@ -64,7 +64,10 @@ def _part(half2: float, whole2: float) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _part_sums(first, last, position, velocity, spin, force, torque, mass, inertia, step):
+def _part_sums(first, last, kinematics, loads, masses, step):
+    position, velocity, spin = kinematics
+    force, torque = loads
+    mass, inertia = masses
     v2, a2, w2, t2, place = 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(first, last):
         by_force, by_torque = 0.5 * step / of_particle(mass, i), 0.5 * step / of_particle(inertia, i)
@@ -78,19 +81,15 @@ def _part_sums(first, last, position, velocity, spin, force, torque, mass, inert
 
 
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def half_step_sums(position, velocity, spin, force, torque, mass, inertia, step):
-    """MotionSums, in an order that the threads do not change.
-
-    mass [kg], inertia [kg m2]: of every particle, or arrays (n,).
-    """
-    n = position.shape[0]
+def half_step_sums(kinematics, loads, masses, step):
+    """MotionSums, in an order that the threads do not change."""
+    n = kinematics.position.shape[0]
     v2, a2, w2, t2 = np.zeros(PARTS), np.zeros(PARTS), np.zeros(PARTS), np.zeros(PARTS)
     place = np.zeros(PARTS)
     for part in prange(PARTS):
         v2[part], a2[part], w2[part], t2[part], place[part] = _part_sums(
-            part * n // PARTS, (part + 1) * n // PARTS, position, velocity, spin, force, torque, mass,
-            inertia, step,
-        )  # fmt: skip
+            part * n // PARTS, (part + 1) * n // PARTS, kinematics, loads, masses, step
+        )
     return added_up(v2), added_up(a2), added_up(w2), added_up(t2), added_up(place)
 
 

@@ -119,7 +119,7 @@ class Window:
         held_before = p.identity[p.held]
         pairs = state.pairs
         none = np.full(new.count, pairs.row_start[-1])
-        pairs.row_start = np.concatenate((pairs.row_start, none))
+        state.pairs = pairs._replace(row_start=np.concatenate((pairs.row_start, none)))
         state.particles = p = p.joined(new)
         p.reorder(came_from)
         self._rear, self._front = rear, front

@@ -3,11 +3,10 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
-from ...contact_laws.base import SHARED_SINKS, Features
+from ...contact_laws.base import SHARED_SINKS
 from ...errors import PhysicsError
 from ...loading.loader import ResolvedScene
 from ...messages import FacetGroupForce, SpatialMotion, ToolMotion, ToolWrench, work_joule
@@ -16,13 +15,13 @@ from ...scene.meshes import ToolMesh, load_tool_mesh
 from ...scene.soil import Soil
 from ..bed import Bed
 from ..kernel_calls import KernelCalls
-from ..mixture import Mixture
+from ..mixture import ContactModel
 from ..neighbours import CellGrid, carry_rows
 from ..particles import Particles, ToolList
 from ..periodic import refuse_tool_at_held_side, refuse_tool_at_seam
 from ..snapshot import from_named, motion_array, motion_from, named
 from .facets import Facets, facets_of, inside_or_near, near_facets
-from .forces import CONTACTS, chunk_buffers, tool_forces, tool_scan
+from .forces import CONTACTS, parts_of_loads, tool_forces, tool_scan
 from .motion import Motion, kernel_motion
 
 
@@ -66,7 +65,7 @@ class ToolSurface:
         about = self.mesh.vertices_m if self.spatial else self.mesh.vertices_m[:, [0, 2]]
         self._radius_m = float(np.linalg.norm(about, axis=1).max())
         self._searched = self.last
-        self._buffers = chunk_buffers(len(self.mesh.groups), self.sink_count)
+        self._parts = parts_of_loads(len(self.mesh.groups), self.sink_count)
         self._kernels = KernelCalls()
         none = np.empty(0, np.int64)
         normal, shear, roll = (np.zeros((0, CONTACTS, count)) for count in (3, 3, 3 + self.kept))
@@ -154,22 +153,11 @@ class ToolSurface:
         ends = np.append(at[height <= 0.0], at[0, crossing] + part * np.diff(at, axis=0)[0, crossing])
         return float(ends.min(initial=np.inf)), float(ends.max(initial=-np.inf))
 
-    def bind(
-        self,
-        particles: Particles,
-        radius: float,
-        step: float,
-        law: Any,
-        mixture: Mixture,
-        features: Features,
-    ) -> None:
+    def bind(self, particles: Particles, model: ContactModel) -> None:
         """Bind the arrays of `forces`, until particles are sorted, or candidates searched, anew."""
-        near = self.near
         self._tool_forces: Callable[[Motion], tuple[np.ndarray, np.ndarray, np.ndarray]] = self._kernels.bind(
-            tool_forces, near.particle, near.facet_start, near.facet, self.facets,
-            particles.position, particles.velocity, particles.spin, particles.force, particles.torque,
-            near.active, near.normal, near.shear, near.roll, radius, step, law, mixture, features,
-            *self._buffers, varying=(self.kernel_motion(self.last),),
+            tool_forces, self.near, self.facets, particles.kinematics, *model, particles.loads, self._parts,
+            varying=(self.kernel_motion(self.last),),
         )  # fmt: skip
 
     def forces(self, motion: ToolMotion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -197,16 +185,10 @@ class ToolSurface:
         refuse_tool_at_seam(self.name, vertices, bed, soil)
         refuse_tool_at_held_side(self.name, vertices, soil)
 
-    def stored_joule(
-        self, particles: Particles, radius: float, law: Any, mixture: Mixture, features: Features
-    ) -> float:
+    def stored_joule(self, particles: Particles, model: ContactModel) -> float:
         """Energy in this tool's contacts [J]."""
-        near = self.near
-        return tool_scan(
-            near.particle, near.facet_start, near.facet, self.facets, self.kernel_motion(self.last),
-            particles.position, near.active, near.normal, near.shear, near.roll, radius, law, mixture,
-            features,
-        )  # fmt: skip
+        motion = self.kernel_motion(self.last)
+        return tool_scan(self.near, self.facets, motion, particles.position, model)
 
     def state_arrays(self) -> dict[str, np.ndarray]:
         """Arrays for a checkpoint between two ticks; not copied."""

@@ -238,7 +238,7 @@ class CpuSteps:
         """Every linear and angular velocity times `kept`."""
         p = self.particles()
         p.velocity *= kept
-        p.spin *= kept
+        p.angular_velocity *= kept
 
     def listed_pair_count(self) -> int:
         """Pairs in the neighbour list, the skin included."""

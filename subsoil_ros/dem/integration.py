@@ -3,7 +3,7 @@
 Velocity Verlet: half kick, drift, forces, half kick. Forces see the half-step velocity, which makes
 velocity-dependent forces first order in the step. Where the velocities are not read between two steps,
 both half kicks are made in one pass, one after the other, with the same bits. A sphere's inertia is a scalar,
-so its spin needs no frame of its own.
+so its angular_velocity needs no frame of its own.
 """
 
 import numpy as np
@@ -95,13 +95,13 @@ def kick(kinematics_out, loads, masses, held, step):
 @njit(cache=True, nogil=True)
 def motion_sums(kinematics):
     """Sum of v.v [m2/s2], of w.w [rad2/s2], of z [m], and of v as a vector [m/s], in index order."""
-    position, velocity, spin = kinematics
+    position, velocity, angular_velocity = kinematics
     speed2, spin2, height = 0.0, 0.0, 0.0
     total = np.zeros(3)
     for i in range(velocity.shape[0]):
         for a in range(3):
             speed2 += velocity[i, a] * velocity[i, a]
-            spin2 += spin[i, a] * spin[i, a]
+            spin2 += angular_velocity[i, a] * angular_velocity[i, a]
             total[a] += velocity[i, a]
         height += position[i, 2]
     return speed2, spin2, height, total
@@ -110,14 +110,14 @@ def motion_sums(kinematics):
 @njit(cache=True, nogil=True)
 def mass_sums(kinematics, masses):
     """Kinetic energy [J], sum of m z [kg m], and momentum [kg m/s] of unequal particles, in index order."""
-    position, velocity, spin = kinematics
+    position, velocity, angular_velocity = kinematics
     mass, inertia = masses
     kinetic, height = 0.0, 0.0
     momentum = np.zeros(3)
     for i in range(velocity.shape[0]):
         for a in range(3):
             kinetic += 0.5 * mass[i] * velocity[i, a] * velocity[i, a]
-            kinetic += 0.5 * inertia[i] * spin[i, a] * spin[i, a]
+            kinetic += 0.5 * inertia[i] * angular_velocity[i, a] * angular_velocity[i, a]
             momentum[a] += mass[i] * velocity[i, a]
         height += mass[i] * position[i, 2]
     return kinetic, height, momentum

@@ -49,7 +49,7 @@ def stored_energy(overlap, history, pair, law, features):
 def _gather(first_row, pair, last, pairs, kinematics, model, rows_out):
     """States of the pairs pair <= k < last into the scratch rows; pair `pair` is in row `first_row`."""
     row_start, neighbour = pairs.row_start, pairs.neighbour
-    position, velocity, spin = kinematics
+    position, velocity, angular_velocity = kinematics
     law, mixture, features, _ = model
     i, end = first_row, row_start[first_row + 1]
     start = pair
@@ -60,7 +60,7 @@ def _gather(first_row, pair, last, pairs, kinematics, model, rows_out):
         stop = min(end, last)
         px, py, pz = position[i, 0], position[i, 1], position[i, 2]
         vx, vy, vz = velocity[i, 0], velocity[i, 1], velocity[i, 2]
-        wx, wy, wz = spin[i, 0], spin[i, 1], spin[i, 2]
+        wx, wy, wz = angular_velocity[i, 0], angular_velocity[i, 1], angular_velocity[i, 2]
         for k in range(start, stop):
             j = np.uint32(neighbour[k])
             b = np.uint64(k - pair)
@@ -73,9 +73,9 @@ def _gather(first_row, pair, last, pairs, kinematics, model, rows_out):
             rows_out[6, b] = wx
             rows_out[7, b] = wy
             rows_out[8, b] = wz
-            rows_out[9, b] = spin[j, 0]
-            rows_out[10, b] = spin[j, 1]
-            rows_out[11, b] = spin[j, 2]
+            rows_out[9, b] = angular_velocity[j, 0]
+            rows_out[10, b] = angular_velocity[j, 1]
+            rows_out[11, b] = angular_velocity[j, 2]
             if has_sizes(features) and not has_materials(features):
                 rows_out[12, b], rows_out[13, b] = mixture.radius[i], mixture.radius[j]
                 rows_out[14, b] = mixture.mass[i] * mixture.mass[j] / (mixture.mass[i] + mixture.mass[j])
@@ -87,7 +87,7 @@ def _gather(first_row, pair, last, pairs, kinematics, model, rows_out):
 
 
 @inner_kernel(forceinline=True, fastmath={"contract"})
-def contact_of_pair(apart, relative, spins, radii, state, step, law, features):
+def contact_of_pair(apart, relative, angular_velocities, radii, state, step, law, features):
     """Contact of particles i and j, in reach or not.
 
     apart [m]: x_j - x_i; relative [m/s]: v_i - v_j of the centres; angular velocities [rad/s] and radii [m]
@@ -106,8 +106,8 @@ def contact_of_pair(apart, relative, spins, radii, state, step, law, features):
     distance = squared * inverse
     nx, ny, nz = dx * inverse, dy * inverse, dz * inverse
     arm_i = arm_j = half * distance  # both bodies reach to the middle of overlap or gap
-    wx, wy, wz = spins[0]
-    ox, oy, oz = spins[1]
+    wx, wy, wz = angular_velocities[0]
+    ox, oy, oz = angular_velocities[1]
     # velocity of i against j at the contact: v_i - v_j + (arm_i w_i + arm_j w_j) x n
     if has_sizes(features):
         longer = half * (radius_i - radius_j)

@@ -41,7 +41,7 @@ class Particles:
 
     position: np.ndarray  # [m]
     velocity: np.ndarray  # [m/s]
-    spin: np.ndarray  # [rad/s]
+    angular_velocity: np.ndarray  # [rad/s]
     force: np.ndarray  # [N]
     torque: np.ndarray  # [N m]
     built_position: np.ndarray  # [m] where the neighbour lists were built; float32 resolves half a skin
@@ -79,7 +79,7 @@ class Particles:
     @property
     def kinematics(self) -> Kinematics:
         """Places and velocities, not copied."""
-        return Kinematics(self.position, self.velocity, self.spin)
+        return Kinematics(self.position, self.velocity, self.angular_velocity)
 
     @property
     def loads(self) -> Loads:
@@ -103,7 +103,7 @@ class Particles:
 
     def reorder(self, order: np.ndarray) -> None:
         """Put particle order[k] in place k."""
-        for name in ("position", "velocity", "spin", "force", "torque"):
+        for name in ("position", "velocity", "angular_velocity", "force", "torque"):
             setattr(self, name, take_rows(getattr(self, name), order))
         for name in ["identity", "image", "held"] + self.unequal * ["radius", "mass", "inertia", "material"]:
             setattr(self, name, getattr(self, name)[order])
@@ -148,8 +148,8 @@ class WallList(NamedTuple):
 class ToolList(NamedTuple):
     """Particles that may touch one tool, and which of its facets.
 
-    A contact is identified by its normal in the tool's frame. Shear and roll are kept in that frame too, so
-    they turn with the tool and pass from facet to facet.
+    A contact is identified by its normal in the tool's frame. Its springs are kept in that frame too,
+    so they turn with the tool and pass from facet to facet.
     """
 
     particle: np.ndarray  # (c,) int64, increasing
@@ -158,4 +158,4 @@ class ToolList(NamedTuple):
     active: np.ndarray  # (c, CONTACTS) bool
     normal: np.ndarray  # (c, CONTACTS, 3)
     shear: np.ndarray  # (c, CONTACTS, 3) [m]
-    roll: np.ndarray  # (c, CONTACTS, 3 + kept) [rad], then what the law keeps besides
+    rolling: np.ndarray  # (c, CONTACTS, 3 + kept) [rad], then what the law keeps besides

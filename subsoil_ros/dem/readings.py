@@ -111,7 +111,7 @@ class SoilReadings:
     def angular_velocities_rad_per_s(self) -> np.ndarray:
         """(n, 3) angular velocities."""
         p = self.particles()
-        return p.spin[np.argsort(p.identity)].astype(np.float64)
+        return p.angular_velocity[np.argsort(p.identity)].astype(np.float64)
 
     def forces_newton(self) -> np.ndarray:
         """(n, 3) sum on each particle at the end of the last step, weight included."""

@@ -21,7 +21,8 @@ CHUNKS = 16
 """Parts of the list that threads compute one by one."""
 
 _GATHERED = 10
-"""Scratch rows: distance of the centre, normal, velocity, spin. Results take their place: force, torque."""
+"""Scratch rows: distance of the centre, normal, linear and angular velocity. Results take their place: force,
+torque."""
 
 
 def wall_planes(
@@ -88,7 +89,7 @@ def carry_walls(order, old_particle, old_wall, old_history, particle, wall, hist
 @inner_kernel()
 def _gather(first, last, walls, planes, kinematics, model, rows_out):
     particle, wall, rows = walls.particle, walls.wall, rows_out
-    position, velocity, spin = kinematics
+    position, velocity, angular_velocity = kinematics
     law, mixture, features, _ = model
     for k in range(first, last):
         b, i, plane = np.uint64(k - first), particle[k], planes[wall[k]]
@@ -97,7 +98,7 @@ def _gather(first, last, walls, planes, kinematics, model, rows_out):
         rows[1, b], rows[2, b], rows[3, b] = nx, ny, nz
         for a in range(3):
             rows[4 + a, b] = velocity[i, a]
-            rows[7 + a, b] = spin[i, a]
+            rows[7 + a, b] = angular_velocity[i, a]
         if is_unlike(features):
             rows[10, b], of_particle = sphere_of(i, law, mixture, features)
             for a, number in enumerate(of_particle):

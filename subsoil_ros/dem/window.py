@@ -125,7 +125,7 @@ class Window:
         self._rear, self._front = rear, front
         p.held = field.held(p.identity, p.position[:, 0], rear, front)
         p.velocity[p.held] = 0.0
-        p.spin[p.held] = 0.0
+        p.angular_velocity[p.held] = 0.0
         self.enter(state)
         known = self.with_history
         host.rebuild(tuple(tool.last for tool in state.tools), came_from)

@@ -109,7 +109,7 @@ def test_a_deep_overlap_of_two_particles_is_stopped(soil):
         run(engine, 100)
 
 
-@pytest.mark.parametrize("part", ["position", "velocity", "spin"])
+@pytest.mark.parametrize("part", ["position", "velocity", "angular_velocity"])
 def test_what_is_no_number_is_named_by_its_particle(part):
     """Also a spin, which moves no particle: identity, state, last force."""
     particles = Particles.at_rest(np.zeros((3, 3)), np.array([7, 5, 6]), np.float64)

@@ -83,10 +83,10 @@ def _carried(vector, turned):
 
 
 @inner_kernel(forceinline=True, fastmath={"contract"})
-def bond_of_pair(apart, relative, spins, shape, whole, slip, turn, step, law):
+def bond_of_pair(apart, relative, angular_velocities, shape, whole, slip, turn, step, law):
     """Forces of one bond after a step with these velocities.
 
-    apart [m]: x_j - x_i; relative [m/s]: v_i - v_j of the centres; angular velocities of both [rad/s];
+    apart [m]: x_j - x_i; relative [m/s]: v_i - v_j of the centres; angular_velocities [rad/s] of i and j;
     shape: length without force, radius, half the radius of i less that of j [m], stiffness [N/m], damper
     [N s/m].
     Returns 1 if it is still whole, else 0; force on i [N]; torques on i and on j [N m]; slip, turn; stored
@@ -101,8 +101,8 @@ def bond_of_pair(apart, relative, spins, shape, whole, slip, turn, step, law):
     distance = squared * inverse
     nx, ny, nz = dx * inverse, dy * inverse, dz * inverse
     rx, ry, rz = relative
-    wx, wy, wz = spins[0]
-    ox, oy, oz = spins[1]
+    wx, wy, wz = angular_velocities[0]
+    ox, oy, oz = angular_velocities[1]
     # axis half way through the step: what turns as a rigid body then keeps slip and turn to second order
     middle = half * step * inverse
     hx, hy, hz = nx + middle * rx, ny + middle * ry, nz + middle * rz

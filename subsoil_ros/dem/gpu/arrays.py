@@ -83,7 +83,7 @@ class ToolRows(NamedTuple):
     active: Any
     normal: Any
     shear: Any
-    roll: Any
+    rolling: Any
 
     @classmethod
     def empty(cls, particles: int, room: int, facets: int, rolling_numbers: int) -> "ToolRows":
@@ -136,7 +136,7 @@ class Tool:
     def make_room(self, room: int) -> None:
         """Allocate the arrays of the loads for `room` candidates."""
         self.room = room
-        self.felt = ToolLoads(
+        self.loads = ToolLoads(
             cuda.device_array((self._groups, 3, room), np.float64),
             cuda.device_array((3, room), np.float64),
             cuda.device_array((self._sums, room), np.float64),

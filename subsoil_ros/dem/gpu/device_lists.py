@@ -107,7 +107,7 @@ class DeviceLists:
         return OnDevice(
             position=cuda.device_array((n, 3), np.float64),
             velocity=vectors[0],
-            spin=vectors[1],
+            angular_velocity=vectors[1],
             force=vectors[2],
             torque=vectors[3],
             built_position=cuda.device_array((n, 3), np.float32),

@@ -118,10 +118,10 @@ class DeviceSoil(DeviceLists):
             launches.add(
                 tool_kernel(self._features, self._rolling_numbers), blocks(len(near.particle)), report, size,
                 self._motions[k].there, near, tool.facets, p.kinematics, self._tool_law,
-                self._mixture(p, self._laws[2]), step_s, p.loads, tool.felt,
+                self._mixture(p, self._laws[2]), step_s, p.loads, tool.loads,
             )  # fmt: skip
             launches.add(
-                add_up_tool, tool.columns, report, size, tool.felt, first, self._per_step, self._slots
+                add_up_tool, tool.columns, report, size, tool.loads, first, self._per_step, self._slots
             )
             first += tool.columns
 

@@ -146,21 +146,21 @@ def pair_kernel(features: Features, bonded: bool) -> Any:
         if i >= kinematics.position.shape[0] or report[FAR] == 1.0:
             return
         count, slice_start, neighbour, history = rows
-        position, velocity, spin = kinematics
+        position, velocity, angular_velocity = kinematics
         force, torque = loads_out
         common_law, step = law, world.step
         zero, one = like(step, 0.0), like(step, 1.0)
         x, y, z = position[i, 0], position[i, 1], position[i, 2]
         vx, vy, vz = velocity[i, 0], velocity[i, 1], velocity[i, 2]
-        wx, wy, wz = spin[i, 0], spin[i, 1], spin[i, 2]
+        wx, wy, wz = angular_velocity[i, 0], angular_velocity[i, 1], angular_velocity[i, 2]
         fx, fy, fz = zero, zero, like(step, -of_particle(masses.mass, i) * world.gravity)
         tx, ty, tz = zero, zero, zero
         radius_i, radius_j = mixture.common_radius, mixture.common_radius
         at = slice_start[i // WARP] + i % WARP
         for _ in range(count[i]):
             listed = neighbour[at]
-            held = listed >= 0
-            j = listed if held else ~listed
+            active = listed >= 0
+            j = listed if active else ~listed
             dx, dy, dz = position[j, 0] - x, position[j, 1] - y, position[j, 2] - z
             if is_periodic(features):
                 dy = nearest_image(dy, world.period)
@@ -174,25 +174,28 @@ def pair_kernel(features: Features, bonded: bool) -> Any:
             length = zero
             if bonded:
                 length = history[components(law), at]
-            if held or length > zero or squared < farthest * farthest:
+            if active or length > zero or squared < farthest * farthest:
                 # the contact as the particle of the lower number sees it
                 relative = vx - velocity[j, 0], vy - velocity[j, 1], vz - velocity[j, 2]
-                here, there = (wx, wy, wz), (spin[j, 0], spin[j, 1], spin[j, 2])
-                spins = here, there
+                here, there = (
+                    (wx, wy, wz),
+                    (angular_velocity[j, 0], angular_velocity[j, 1], angular_velocity[j, 2]),
+                )
+                angular_velocities = here, there
                 if j < i:
                     apart = -apart[0], -apart[1], -apart[2]
                     relative = -relative[0], -relative[1], -relative[2]
-                    spins = there, here
+                    angular_velocities = there, here
                 column = history[:, at]
                 shear, rolling = (zero, zero, zero), (zero, zero, zero)
-                if held:
+                if active:
                     if has_tangential(features):
                         shear = column[0], column[1], column[2]
                     if has_rolling(features):
                         rolling = column[3], column[4], column[5]
-                state = ContactState(shear, rolling, own_at(column, SPRINGS, 1, one if held else zero, law))
+                state = ContactState(shear, rolling, own_at(column, SPRINGS, 1, one if active else zero, law))
                 acts, f, on_first, on_second, state, sinks = contact_of_pair(
-                    apart, relative, spins, (radius_i, radius_j), state, step, law, features
+                    apart, relative, angular_velocities, (radius_i, radius_j), state, step, law, features
                 )
                 if acts > zero:
                     if has_tangential(features):
@@ -200,9 +203,9 @@ def pair_kernel(features: Features, bonded: bool) -> Any:
                     if has_rolling(features):
                         column[3], column[4], column[5] = state.rolling
                     put_own(state.own, one, column, SPRINGS, 1)
-                    if not held:
+                    if not active:
                         neighbour[at] = j
-                elif held:
+                elif active:
                     neighbour[at] = ~j
 
                 if bonded and length > zero:
@@ -210,8 +213,8 @@ def pair_kernel(features: Features, bonded: bool) -> Any:
                     slip = column[b + 1], column[b + 2], column[b + 3]
                     turn = column[b + 4], column[b + 5], column[b + 6]
                     whole, g, more_first, more_second, slip, turn, stored, lost = bond_of_pair(
-                        apart, relative, spins, shape_at(column, b, 1, bonds, features), one, slip, turn,
-                        step, bonds,
+                        apart, relative, angular_velocities, shape_at(column, b, 1, bonds, features), one,
+                        slip, turn, step, bonds,
                     )  # fmt: skip
                     column[b] = length if whole > zero else -length
                     column[b + 1], column[b + 2], column[b + 3] = slip
@@ -258,13 +261,17 @@ def wall_kernel(features: Features) -> Any:
         row = cuda.grid(1)
         if row >= size[0] or row >= near.particle.shape[0] or report[FAR] == 1.0:
             return
-        position, velocity, spin = kinematics
+        position, velocity, angular_velocity = kinematics
         force, torque = loads_out
         i, springs = near.particle[row], near.springs[:, row]
         radius, law = sphere_of(i, law, mixture, features)
         farthest = reach(radius, law, features)
         moving = float64(velocity[i, 0]), float64(velocity[i, 1]), float64(velocity[i, 2])
-        turning = float64(spin[i, 0]), float64(spin[i, 1]), float64(spin[i, 2])
+        turning = (
+            float64(angular_velocity[i, 0]),
+            float64(angular_velocity[i, 1]),
+            float64(angular_velocity[i, 2]),
+        )
         touching = 0
         for wall in range(_WALLS):
             nx, ny, nz = planes[wall, 0], planes[wall, 1], planes[wall, 2]
@@ -304,12 +311,12 @@ def wall_kernel(features: Features) -> Any:
 def tool_kernel(features: Features, rolling_numbers: int) -> Any:
     """Adds the forces of one tool, a thread for each candidate: dem.tools.forces.tool_forces.
 
-    The load of each candidate on the tool goes into felt_out, the candidates along its last axis.
-    rolling_numbers: of a contact in ToolList.roll.
+    The load of each candidate on the tool goes into load_out, the candidates along its last axis.
+    rolling_numbers: of a contact in ToolList.rolling.
     """
 
     @cuda.jit(cache=True)
-    def tool_forces(report, size, motions, near, facets, kinematics, law, mixture, step, loads_out, felt_out):
+    def tool_forces(report, size, motions, near, facets, kinematics, law, mixture, step, loads_out, load_out):
         row = cuda.grid(1)
         if row >= size[0] or row >= near.particle.shape[0] or report[FAR] == 1.0:
             return
@@ -318,39 +325,39 @@ def tool_kernel(features: Features, rolling_numbers: int) -> Any:
             cuda.local.array((CONTACTS, 3), float64),
             cuda.local.array((CONTACTS, rolling_numbers), float64),
         )
-        felt = ToolLoads(felt_out.group_force[:, :, row], felt_out.moment[:, row], felt_out.sums[:, row])
+        load = ToolLoads(load_out.group_force[:, :, row], load_out.moment[:, row], load_out.sums[:, row])
         for a in range(3):
-            felt.moment[a] = 0.0
-            for group in range(felt.group_force.shape[0]):
-                felt.group_force[group, a] = 0.0
-        for a in range(felt.sums.shape[0]):
-            felt.sums[a] = 0.0
+            load.moment[a] = 0.0
+            for group in range(load.group_force.shape[0]):
+                load.group_force[group, a] = 0.0
+        for a in range(load.sums.shape[0]):
+            load.sums[a] = 0.0
         motion = motion_at(motions[int(report[STEP]) % motions.shape[0]])
         model = ContactModel(law, mixture, features, step)
-        row_forces(row, near, facets, motion, kinematics, model, room, loads_out, felt)
+        row_forces(row, near, facets, motion, kinematics, model, room, loads_out, load)
 
     return tool_forces
 
 
 @cuda.jit(cache=True)
-def add_up_tool(report, size, felt, first_result, per_step, slots):
+def add_up_tool(report, size, load, first_result, per_step, slots):
     """Adds up column blockIdx.x of a tool's load in the present step, into its place among the results."""
     if report[FAR] == 1.0:
         return
     shared = cuda.shared.array(THREADS, float64)
-    column, of_groups = cuda.blockIdx.x, 3 * felt.group_force.shape[0]
-    rows = min(size[0], felt.moment.shape[1])
+    column, of_groups = cuda.blockIdx.x, 3 * load.group_force.shape[0]
+    rows = min(size[0], load.moment.shape[1])
     deepest = of_groups + 3 + DEEPEST
     total = 0.0
     for row in range(cuda.threadIdx.x, rows, THREADS):
         if column < of_groups:
-            total += felt.group_force[column // 3, column % 3, row]
+            total += load.group_force[column // 3, column % 3, row]
         elif column < of_groups + 3:
-            total += felt.moment[column - of_groups, row]
+            total += load.moment[column - of_groups, row]
         elif column != deepest:
-            total += felt.sums[column - of_groups - 3, row]
+            total += load.sums[column - of_groups - 3, row]
         else:
-            total = max(total, felt.sums[column - of_groups - 3, row])
+            total = max(total, load.sums[column - of_groups - 3, row])
     total = block_total(total, shared) if column != deepest else block_largest(total, shared)
     if cuda.threadIdx.x == 0:
         report[REPORT + int(report[STEP]) % slots * per_step + first_result + column] = total
@@ -361,14 +368,14 @@ def reduce_particles(kinematics, loads, masses, step, planes, radius, ceiling, p
     """Sums over particles, block by block, (SUM_BLOCKS, 8): those of monitors.MotionSums, the kinetic energy
     [J], m z [kg m], and the particles outside the domain."""
     shared = cuda.shared.array(THREADS, float64)
-    position, velocity, spin = kinematics
+    position, velocity, angular_velocity = kinematics
     v2, a2, w2, t2, place, kinetic, height, outside = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(cuda.grid(1), position.shape[0], cuda.gridsize(1)):
         m, inert = of_particle(masses.mass, i), of_particle(masses.inertia, i)
         by_force, by_torque = 0.5 * step / m, 0.5 * step / inert
         speed2, spin2 = 0.0, 0.0
         for a in range(3):
-            v, w = float64(velocity[i, a]), float64(spin[i, a])
+            v, w = float64(velocity[i, a]), float64(angular_velocity[i, a])
             f, t = by_force * loads.force[i, a], by_torque * loads.torque[i, a]
             speed2 += v * v
             spin2 += w * w

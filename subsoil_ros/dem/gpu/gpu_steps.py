@@ -177,12 +177,12 @@ class GpuSteps:
     def _of_tools(self, motions: tuple[ToolMotion, ...]) -> tuple[Motion, ...]:
         return tuple(tool.kernel_motion(at) for tool, at in zip(self.state.tools, motions, strict=True))
 
-    def _load_tools(self, felt: np.ndarray, motions: tuple[ToolMotion, ...]) -> None:
-        """Add the loads `felt` (columns,) of all tools: forces by group, moment, sums."""
+    def _load_tools(self, loads: np.ndarray, motions: tuple[ToolMotion, ...]) -> None:
+        """Add the loads `loads` (columns,) of all tools: forces by group, moment, sums."""
         first, sums = 0, len(self.state.sinks) + 2
         for tool, at in zip(self.state.tools, motions, strict=True):
             of_groups = 3 * len(tool.mesh.groups)
-            by_group, rest = felt[first : first + of_groups], felt[first + of_groups :]
+            by_group, rest = loads[first : first + of_groups], loads[first + of_groups :]
             self.state.load_tool(tool, by_group.reshape(-1, 3), rest[:3], rest[3 : 3 + sums], at)
             first += of_groups + 3 + sums
 
@@ -197,22 +197,22 @@ class GpuSteps:
                 device.run_steps(wanted)
             else:
                 device.drift_only()
-            told, felt = device.report()
+            told, loads = device.report()
             reached = told["steps"] - self._steps_done
             rebuilt = bool(told["halted"]) or wanted == 0
             self._since += reached - done
             # a step to check is the last of those launched: where it halted there is none
             for s in range(done, reached):
-                self._end_step(tick, s, felt[s], way[s], checks)
+                self._end_step(tick, s, loads[s], way[s], checks)
             if rebuilt:
                 if told["lost"]:
                     refuse_lost_numbers(checks.where(tick, reached + 1), device.take_particles())
                 self.rebuild(way[reached])
                 device.finish_step()
-                told, felt = device.report()
+                told, loads = device.report()
                 if self.state.monitor is not None:
                     self.state.monitor.note_rebuild()
-                self._end_step(tick, reached, felt[reached], way[reached], checks)
+                self._end_step(tick, reached, loads[reached], way[reached], checks)
                 reached += 1
             done = reached
         self._steps_done += len(way)
@@ -228,12 +228,12 @@ class GpuSteps:
         return min(end - done, left, left if monitor is None else monitor.steps_until_due())
 
     def _end_step(
-        self, tick: int, s: int, felt: np.ndarray, at: tuple[ToolMotion, ...], checks: StepChecks
+        self, tick: int, s: int, loads: np.ndarray, at: tuple[ToolMotion, ...], checks: StepChecks
     ) -> None:
         """Finish soil step s, counted from 0, on the CPU."""
         if s + 1 == self._model.soil_steps:
             checks.keep_last_step_only()
-        self._load_tools(felt, at)
+        self._load_tools(loads, at)
         checks.end(tick, s + 1)
 
     # readings

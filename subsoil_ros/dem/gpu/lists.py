@@ -33,7 +33,7 @@ class OnDevice(NamedTuple):
 
     position: object
     velocity: object
-    spin: object
+    angular_velocity: object
     force: object
     torque: object
     built_position: object
@@ -48,7 +48,7 @@ class OnDevice(NamedTuple):
     @property
     def kinematics(self) -> Kinematics:
         """Places and velocities."""
-        return Kinematics(self.position, self.velocity, self.spin)  # type: ignore[arg-type]
+        return Kinematics(self.position, self.velocity, self.angular_velocity)  # type: ignore[arg-type]
 
     @property
     def loads(self) -> Loads:
@@ -126,7 +126,7 @@ def reorder(order, old, new, unequal):
         for a in range(3):
             new.position[i, a] = old.position[k, a]
             new.velocity[i, a] = old.velocity[k, a]
-            new.spin[i, a] = old.spin[k, a]
+            new.angular_velocity[i, a] = old.angular_velocity[k, a]
             new.force[i, a] = old.force[k, a]
             new.torque[i, a] = old.torque[k, a]
             new.built_position[i, a] = float32(old.position[k, a])
@@ -319,8 +319,8 @@ def list_near_tool(position, pose, surface, reach, near, first_facet, order, old
         for a in range(3):
             rows_out.normal[to, s, a] = old.normal[here, s, a] if known else 0.0
             rows_out.shear[to, s, a] = old.shear[here, s, a] if known else 0.0
-        for a in range(rows_out.roll.shape[2]):
-            rows_out.roll[to, s, a] = old.roll[here, s, a] if known else 0.0
+        for a in range(rows_out.rolling.shape[2]):
+            rows_out.rolling[to, s, a] = old.rolling[here, s, a] if known else 0.0
 
 
 @cuda.jit(cache=True)

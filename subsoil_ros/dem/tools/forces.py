@@ -19,7 +19,7 @@ from ..compiled import inner_kernel
 from ..contact import contact, normal_potential, own_at, put_own, reach, spring_energy
 from ..mixture import ContactModel, sphere_of
 from .facets import closest_feature
-from .motion import centre_of, into_body, spin_of, turned_in, turned_out, velocity_at
+from .motion import angular_velocity_of, centre_of, into_body, turned_in, turned_out, velocity_at
 
 CONTACTS = 4
 """Contacts of one particle with one tool that are kept; a convex body gives at most three."""
@@ -52,7 +52,7 @@ class Room(NamedTuple):
 
     found: np.ndarray  # (CONTACTS, FOUND)
     shear: np.ndarray  # (CONTACTS, 3), and the next: springs as they were
-    roll: np.ndarray  # (CONTACTS, 3 + own numbers of the law)
+    rolling: np.ndarray  # (CONTACTS, 3 + own numbers of the law)
 
 
 @inner_kernel()
@@ -135,33 +135,33 @@ def _set_aside(row, near, room):
     for s in range(CONTACTS):
         for a in range(3):
             room.shear[s, a] = near.shear[row, s, a] if near.active[row, s] else 0.0
-        for a in range(near.roll.shape[2]):
-            room.roll[s, a] = near.roll[row, s, a] if near.active[row, s] else 0.0
+        for a in range(near.rolling.shape[2]):
+            room.rolling[s, a] = near.rolling[row, s, a] if near.active[row, s] else 0.0
         near.active[row, s] = False
 
 
 @inner_kernel()
 def _take_springs(slot, tool_motion, room, law):
     """ContactState of the contact that was in this slot, none if it is negative; the slot is then empty."""
-    old_shear, old_roll = room.shear, room.roll
+    old_shear, old_rolling = room.shear, room.rolling
     sx, sy, sz, tx, ty, tz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    own = own_at(old_roll[max(slot, 0)], 3, 1, 1.0 if slot >= 0 else 0.0, law)
+    own = own_at(old_rolling[max(slot, 0)], 3, 1, 1.0 if slot >= 0 else 0.0, law)
     if slot >= 0:
         sx, sy, sz = old_shear[slot, 0], old_shear[slot, 1], old_shear[slot, 2]
-        tx, ty, tz = old_roll[slot, 0], old_roll[slot, 1], old_roll[slot, 2]
+        tx, ty, tz = old_rolling[slot, 0], old_rolling[slot, 1], old_rolling[slot, 2]
         for a in range(3):  # a slot continues in one contact only
             old_shear[slot, a] = 0.0
-        for a in range(old_roll.shape[1]):
-            old_roll[slot, a] = 0.0
+        for a in range(old_rolling.shape[1]):
+            old_rolling[slot, a] = 0.0
     return ContactState(turned_out(tool_motion, sx, sy, sz), turned_out(tool_motion, tx, ty, tz), own)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def row_forces(row, near, facets, tool_motion, kinematics, model, room, loads_out, felt_out):
+def row_forces(row, near, facets, tool_motion, kinematics, model, room, loads_out, load_out):
     """Adds the forces of the tool on candidate `row`, and their reaction on the tool."""
-    position, velocity, spin = kinematics
+    position, velocity, angular_velocity = kinematics
     force, torque = loads_out
-    group_force, moment, sums = felt_out
+    group_force, moment, sums = load_out
     common_law, mixture, features, step = model
     i = near.particle[row]
     radius, law = sphere_of(i, common_law, mixture, features)
@@ -169,7 +169,7 @@ def row_forces(row, near, facets, tool_motion, kinematics, model, room, loads_ou
     found = _find_contacts(row, place, reach(radius, law, features), near, facets, room.found)
     _set_aside(row, near, room)
     x0, y0, z0 = centre_of(tool_motion)
-    ox, oy, oz = spin_of(tool_motion)
+    ox, oy, oz = angular_velocity_of(tool_motion)
     for k in range(found):
         bx, by, bz, distance = room.found[k, 0], room.found[k, 1], room.found[k, 2], room.found[k, 3]
         group, slot = int(room.found[k, 4]), int(room.found[k, 5])
@@ -180,7 +180,7 @@ def row_forces(row, near, facets, tool_motion, kinematics, model, room, loads_ou
         rx = position[i, 0] + arm * nx - x0
         ry = position[i, 1] + arm * ny - y0
         rz = position[i, 2] + arm * nz - z0
-        wx, wy, wz = spin[i, 0], spin[i, 1], spin[i, 2]
+        wx, wy, wz = angular_velocity[i, 0], angular_velocity[i, 1], angular_velocity[i, 2]
         ux, uy, uz = velocity_at(tool_motion, rx, ry, rz)
         relative = (
             velocity[i, 0] + arm * (wy * nz - wz * ny) - ux,
@@ -193,13 +193,13 @@ def row_forces(row, near, facets, tool_motion, kinematics, model, room, loads_ou
 
         # springs are kept in the tool's frame
         s, r = state.shear, state.rolling
-        put_own(state.own, 1.0, near.roll[row, k], 3, 1)
+        put_own(state.own, 1.0, near.rolling[row, k], 3, 1)
         near.active[row, k] = True
         near.normal[row, k, 0], near.normal[row, k, 1], near.normal[row, k, 2] = bx, by, bz
         near.shear[row, k, 0], near.shear[row, k, 1], near.shear[row, k, 2] = turned_in(
             tool_motion, s[0], s[1], s[2]
         )
-        near.roll[row, k, 0], near.roll[row, k, 1], near.roll[row, k, 2] = turned_in(
+        near.rolling[row, k, 0], near.rolling[row, k, 1], near.rolling[row, k, 2] = turned_in(
             tool_motion, r[0], r[1], r[2]
         )
 
@@ -220,27 +220,27 @@ def row_forces(row, near, facets, tool_motion, kinematics, model, room, loads_ou
             sums[a + 2] += sinks[a]  # contacts and overlap lie between
     if books_energy(features):
         for s in range(CONTACTS):
-            sums[4] += spring_energy(0.0, _springs_at(room.shear[s], room.roll[s], law), law)
+            sums[4] += spring_energy(0.0, _springs_at(room.shear[s], room.rolling[s], law), law)
 
 
 @inner_kernel(forceinline=True)
-def _springs_at(shear, roll, law):
+def _springs_at(shear, rolling, law):
     """ContactState from one contact's rows of arrays as in ToolList."""
     return ContactState(
-        (shear[0], shear[1], shear[2]), (roll[0], roll[1], roll[2]), own_at(roll, 3, 1, 1.0, law)
+        (shear[0], shear[1], shear[2]), (rolling[0], rolling[1], rolling[2]), own_at(rolling, 3, 1, 1.0, law)
     )
 
 
 @inner_kernel()
-def _rows_forces(first, last, near, facets, tool_motion, kinematics, model, loads_out, felt_out):
-    """Candidates first <= row < last; `felt_out` is theirs alone."""
-    own = near.roll.shape[2]
+def _rows_forces(first, last, near, facets, tool_motion, kinematics, model, loads_out, load_out):
+    """Candidates first <= row < last; `load_out` is theirs alone."""
+    own = near.rolling.shape[2]
     room = Room(np.empty((CONTACTS, FOUND)), np.empty((CONTACTS, 3)), np.empty((CONTACTS, own)))
-    felt_out.group_force[:] = 0.0
-    felt_out.moment[:] = 0.0
-    felt_out.sums[:] = 0.0
+    load_out.group_force[:] = 0.0
+    load_out.moment[:] = 0.0
+    load_out.sums[:] = 0.0
     for row in range(first, last):
-        row_forces(row, near, facets, tool_motion, kinematics, model, room, loads_out, felt_out)
+        row_forces(row, near, facets, tool_motion, kinematics, model, room, loads_out, load_out)
 
 
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
@@ -254,10 +254,10 @@ def tool_forces(near, facets, kinematics, law, mixture, features, step, loads_ou
     """
     count = near.particle.shape[0]
     for chunk in prange(_CHUNKS):
-        felt = ToolLoads(parts_out.group_force[chunk], parts_out.moment[chunk], parts_out.sums[chunk])
+        load = ToolLoads(parts_out.group_force[chunk], parts_out.moment[chunk], parts_out.sums[chunk])
         _rows_forces(
             chunk * count // _CHUNKS, (chunk + 1) * count // _CHUNKS, near, facets, tool_motion, kinematics,
-            ContactModel(law, mixture, features, step), loads_out, felt,
+            ContactModel(law, mixture, features, step), loads_out, load,
         )  # fmt: skip
     group_force, moment, sums = parts_out
     by_group, torque, total = np.zeros(group_force.shape[1:]), np.zeros(3), np.zeros(sums.shape[1])
@@ -289,7 +289,7 @@ def tool_scan(near, facets, tool_motion, position, model):
         place = into_body(tool_motion, position[i, 0], position[i, 1], position[i, 2])
         found = _find_contacts(row, place, reach(radius, law, features), near, facets, out)
         for k in range(found):  # in the order in which the last step stored them
-            state = _springs_at(near.shear[row, k], near.roll[row, k], law)
+            state = _springs_at(near.shear[row, k], near.rolling[row, k], law)
             energy += normal_potential(radius - out[k, 3], state, law, features)
             energy += spring_energy(radius - out[k, 3], state, law)
     return energy

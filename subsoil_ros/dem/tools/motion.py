@@ -123,7 +123,7 @@ def velocity_at(motion, rx, ry, rz):
 
 
 @inner_kernel()
-def spin_of(motion):
+def angular_velocity_of(motion):
     """Angular velocity of the tool [rad/s], world axes."""
     if len(motion) == PLANAR:
         return 0.0, -motion[6], 0.0

@@ -17,6 +17,7 @@ from numba import njit
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
+from subsoil_ros.dem.particles import ToolList
 from subsoil_ros.dem.tools.facets import facets_of
 from subsoil_ros.dem.tools.forces import CANDIDATES, CONTACTS, FOUND, _find_contacts
 from subsoil_ros.scene.tool_mesh import ToolMesh
@@ -29,14 +30,13 @@ SAME_M = 2e-3 * RADIUS
 
 
 @njit
-def _found(centres, facets, facet, reach):
+def _found(centres, facets, near, reach):
     """Contacts of new particles: number (n,), and rows (n, CONTACTS, FOUND)."""
     count, rows = np.zeros(len(centres), np.int64), np.zeros((len(centres), CONTACTS, FOUND))
-    active, normal = np.zeros(CONTACTS, np.bool_), np.zeros((CONTACTS, 3))
     out = np.empty((CANDIDATES, FOUND))
     for i in range(len(centres)):
-        x, y, z = centres[i]
-        count[i] = _find_contacts(x, y, z, facets, 0, len(facet), facet, reach, active, normal, out)
+        place = centres[i, 0], centres[i, 1], centres[i, 2]
+        count[i] = _find_contacts(0, place, reach, near, facets, out)
         rows[i, : count[i]] = out[: count[i]]
     return count, rows
 
@@ -51,8 +51,15 @@ class Contacts(NamedTuple):
 
 def contacts(mesh: ToolMesh, centres: np.ndarray) -> Contacts:
     """Contacts of spheres of RADIUS at `centres` (n, 3) with a tool."""
-    facet = np.arange(len(mesh.facets), dtype=np.int32)
-    count, rows = _found(np.ascontiguousarray(centres), facets_of(mesh), facet, RADIUS)
+    springs = [np.zeros((1, CONTACTS, 3)) for _ in range(3)]
+    near = ToolList(  # one candidate, near all facets, in no contact yet
+        np.zeros(1, np.int64),
+        np.array([0, len(mesh.facets)]),
+        np.arange(len(mesh.facets), dtype=np.int32),
+        np.zeros((1, CONTACTS), np.bool_),
+        *springs,
+    )
+    count, rows = _found(np.ascontiguousarray(centres), facets_of(mesh), near, RADIUS)
     normal, distance = rows[:, :, :3], rows[:, :, 3:4]
     known = np.arange(CONTACTS)[None, :, None] < count[:, None, None]
     force = (normal * (RADIUS - distance) * known).sum(axis=1)

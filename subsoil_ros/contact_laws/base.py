@@ -34,7 +34,8 @@ class Features(NamedTuple):
     """Parts of a contact that are compiled: an array of one dimension means absent, of more present.
 
     Number of dimensions is part of numba's type, so the code of an absent feature is not compiled; values
-    matter in `periodic` only. (Tuples and literals would be plainer, but do not pass into parallel loops.)
+    matter in `periodic` only. (Literals would be plainer, but do not pass into parallel loops.) Kernels ask
+    by the functions of contact_laws.features.
 
     A law with features of its own has a class with these and, after them, its own: ContactLaw.features.
     """
@@ -45,6 +46,22 @@ class Features(NamedTuple):
     sizes: np.ndarray = NO  # radii differ: dem.mixture
     materials: np.ndarray = NO  # laws or densities differ: dem.mixture
     periodic: np.ndarray = NO  # sides: (1, 1) period in y; (1, 1, 3) along x, y and z [m]
+
+
+class ContactMotion(NamedTuple):
+    """Motion of body i against body j, in a kernel."""
+
+    normal: tuple[float, float, float]  # unit vector from i to j
+    velocity: tuple[float, float, float]  # at the contact point [m/s]
+    angular_velocity: tuple[float, float, float]  # [rad/s]
+
+
+class ContactState(NamedTuple):
+    """What is kept of a contact from step to step, in a kernel; i against j."""
+
+    shear: tuple[float, float, float]  # tangential spring, a tangent vector [m]
+    rolling: tuple[float, float, float]  # rolling displacement, a tangent vector [rad]
+    own: tuple[float, ...]  # the law's own numbers: ContactLaw.kept
 
 
 @dataclass(frozen=True)

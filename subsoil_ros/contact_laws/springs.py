@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit, types
 from numba.extending import overload
 
+from .features import books_energy, has_rolling, has_tangential
 from .inverse_root import inverse_root
 
 law_kernel = partial(njit, forceinline=True, error_model="numpy", fastmath={"contract"})
@@ -36,18 +37,23 @@ def _like(number, value):
 
 
 @njit(cache=True, inline="always")
-def contact_with_springs(
-    push, pressing, overlap_rate, normal, velocity, spin, shear, roll, step, law, features, grown, before
-):
+def overlap_rate(motion):
+    """Velocity along the normal of a ContactMotion [m/s]."""
+    nx, ny, nz = motion.normal
+    ux, uy, uz = motion.velocity
+    return ux * nx + uy * ny + uz * nz
+
+
+@njit(cache=True, inline="always")
+def contact_with_springs(push, pressing, motion, state, step, law, features, grown, before):
     """Force and torque of a contact whose force on i along the normal is the vector `push` [N].
 
-    pressing [N]: normal force that limits friction. overlap_rate [m/s]: velocity along the normal. grown,
-    before: stiffness of the springs over the numbers of the law, now and a step ago. A contact that becomes
-    stiffer keeps its force, one that becomes softer loses some, so no energy is created. The rest:
-    dem.contact.
+    pressing [N]: normal force that limits friction. grown, before: stiffness of the springs over the numbers
+    of the law, now and a step ago. A contact that becomes stiffer keeps its force, one that becomes softer
+    loses some, so no energy is created. The rest: dem.contact.
 
-    Returns force on i [N], torque of rolling friction on i [N m], shear, roll, and all sinks but
-    the first.
+    Returns force on i [N], torque of rolling friction on i [N m], the new shear and rolling of its
+    state, and all sinks but the first.
 
     Tangential: spring and damper in parallel, in series with a slider (return mapping), so that both
     the damper and the slider only dissipate. The slider yields at static friction and then carries
@@ -58,20 +64,21 @@ def contact_with_springs(
     """
     zero, half, one = like(step, 0.0), like(step, 0.5), like(step, 1.0)
     tiny, tiny_squared = like(step, _TINY), like(step, _TINY_SQUARED)
-    nx, ny, nz = normal
-    ux, uy, uz = velocity
+    nx, ny, nz = motion.normal
+    ux, uy, uz = motion.velocity
+    rate = overlap_rate(motion)
     fx, fy, fz = push
     held_fraction = min(before / max(grown, tiny), one) if grown > zero else zero
 
     sx, sy, sz = zero, zero, zero
     tangential_loss, sliding_loss, released = zero, zero, zero
-    if features.tangential.ndim == 2:
-        sx, sy, sz = shear
+    if has_tangential(features):
+        sx, sy, sz = state.shear
         along = sx * nx + sy * ny + sz * nz  # keep the spring in the turning tangent plane
         sx, sy, sz = sx - along * nx, sy - along * ny, sz - along * nz
-        tx, ty, tz = ux - overlap_rate * nx, uy - overlap_rate * ny, uz - overlap_rate * nz
+        tx, ty, tz = ux - rate * nx, uy - rate * ny, uz - rate * nz
         k, c = law.tangential_stiffness, law.tangential_damping
-        if features.book.ndim == 2:
+        if books_energy(features):
             stored = half * k * (sx * sx + sy * sy + sz * sz)
             released = stored * (before - grown * held_fraction * held_fraction)
         sx, sy, sz = held_fraction * sx, held_fraction * sy, held_fraction * sz
@@ -89,20 +96,20 @@ def contact_with_springs(
         ex, ey, ez = tx - slip * qx, ty - slip * qy, tz - slip * qz
         sx, sy, sz = sx + step * ex, sy + step * ey, sz + step * ez
         fx, fy, fz = fx - held * qx, fy - held * qy, fz - held * qz
-        if features.book.ndim == 2:
+        if books_energy(features):
             sliding_loss = held * slip * squared * step
             tangential_loss = c * (ex * ex + ey * ey + ez * ez) * step
 
     mx, my, mz = zero, zero, zero
     rx, ry, rz = zero, zero, zero
     rolling_loss = zero
-    if features.rolling.ndim == 2:
-        rx, ry, rz = roll
-        if features.book.ndim == 2:
+    if has_rolling(features):
+        rx, ry, rz = state.rolling
+        if books_energy(features):
             stored = half * law.rolling_stiffness * (rx * rx + ry * ry + rz * rz)
             released += stored * (before - grown * held_fraction * held_fraction)
         rx, ry, rz = held_fraction * rx, held_fraction * ry, held_fraction * rz
-        wx, wy, wz = spin
+        wx, wy, wz = motion.angular_velocity
         along = wx * nx + wy * ny + wz * nz  # no twist
         wx, wy, wz = wx - along * nx, wy - along * ny, wz - along * nz
         along = rx * nx + ry * ny + rz * nz
@@ -113,7 +120,7 @@ def contact_with_springs(
         squared = stiffness * stiffness * (rx * rx + ry * ry + rz * rz)
         inverse = inverse_root(max(squared, tiny_squared))
         held = min(law.rolling_arm * pressing * inverse, one)
-        if features.book.ndim == 2:
+        if books_energy(features):
             rolling_loss = held * (one - held) * squared / max(stiffness, tiny)
         rx, ry, rz = held * rx, held * ry, held * rz
         mx, my, mz = -stiffness * rx, -stiffness * ry, -stiffness * rz
@@ -123,9 +130,9 @@ def contact_with_springs(
 
 
 @law_kernel(fastmath=False)
-def energy_of_springs(grown, shear, roll, law):
+def energy_of_springs(grown, state, law):
     """Energy in the tangential and rolling springs [J]; grown: as in contact_with_springs."""
-    half = like(grown, 0.5)
+    half, shear, roll = like(grown, 0.5), state.shear, state.rolling
     return half * grown * law.tangential_stiffness * (
         shear[0] * shear[0] + shear[1] * shear[1] + shear[2] * shear[2]
     ) + half * grown * law.rolling_stiffness * (roll[0] * roll[0] + roll[1] * roll[1] + roll[2] * roll[2])

@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 from numba.extending import overload
 
-from ..contact_laws.base import NO, SPRINGS, YES, ContactLaw
+from ..contact_laws.base import NO, SPRINGS, YES, ContactLaw, ContactState
 from ..contact_laws.registry import contact_laws
 from ..contact_laws.springs import like
 from ..scene.pair_laws import layer_soils, pair_values
 from ..scene.soil import Soil
+from .compiled import inner_kernel
 
 
 def law_features(soil: Soil, *, book: bool = False, periodic: np.ndarray = NO) -> Any:
@@ -68,42 +69,38 @@ _inline = functools.partial(overload, inline="always")
 _plainly = functools.partial(overload, jit_options={"forceinline": True, "error_model": "numpy"})
 
 
-def contact(overlap, normal, velocity, spin, shear, roll, kept, step, law, features):
-    """Force and torque of one contact in reach, and its new history.
+def contact(overlap, motion, state, step, law, features):
+    """Force and torque of one contact in reach, and its new state.
 
-    overlap [m] is negative across a gap. normal: unit vector from body i to body j. velocity [m/s]: of i
-    against j at the contact point. spin [rad/s]: of i against j. shear [m], roll [rad]: springs of this
-    contact, tangent vectors. kept: the law's own numbers of this contact (ContactLaw.kept).
-    Returns force on i [N], torque of rolling friction on i [N m], shear, roll, kept, sinks [J]
-    (in the order of ContactLaw.sinks).
+    overlap [m] is negative across a gap. motion: ContactMotion. state: ContactState a step before.
+    Returns force on i [N], torque of rolling friction on i [N m], ContactState, and sinks [J] in the order
+    of ContactLaw.sinks.
     """
-    return kernel_of(type(law), "contact")(
-        overlap, normal, velocity, spin, shear, roll, kept, step, law, features
-    )
+    return kernel_of(type(law), "contact")(overlap, motion, state, step, law, features)
 
 
 @_by_law(contact)
-def _contact(overlap, normal, velocity, spin, shear, roll, kept, step, law, features):
+def _contact(overlap, motion, state, step, law, features):
     return kernel_of(law.instance_class, "contact")
 
 
-def normal_potential(overlap, kept, law, features):
+def normal_potential(overlap, state, law, features):
     """Energy of the elastic normal force [J], zero out of reach; its derivative is the force."""
-    return kernel_of(type(law), "normal_potential")(overlap, kept, law, features)
+    return kernel_of(type(law), "normal_potential")(overlap, state, law, features)
 
 
 @_plainly(normal_potential)
-def _normal_potential(overlap, kept, law, features):
+def _normal_potential(overlap, state, law, features):
     return kernel_of(law.instance_class, "normal_potential")
 
 
-def spring_energy(overlap, shear, roll, law):
+def spring_energy(overlap, state, law):
     """Energy in the tangential and rolling springs [J]; lost when a contact separates."""
-    return kernel_of(type(law), "spring_energy")(overlap, shear, roll, law)
+    return kernel_of(type(law), "spring_energy")(overlap, state, law)
 
 
 @_plainly(spring_energy)
-def _spring_energy(overlap, shear, roll, law):
+def _spring_energy(overlap, state, law):
     return kernel_of(law.instance_class, "spring_energy")
 
 
@@ -130,7 +127,7 @@ def _at_size(law, radius, mass):
     return kernel_of(law.instance_class, "at_size")
 
 
-def _made(name: str, arguments: str, result: str, **scope: object) -> Callable[..., Any]:
+def compiled_expression(name: str, arguments: str, result: str, **scope: object) -> Callable[..., Any]:
     """Compile a function of one expression: numba needs the length of a tuple, which each law has its own."""
     exec(f"def {name}({arguments}):\n    return {result}", scope)
     return scope[name]  # type: ignore[return-value]
@@ -144,7 +141,9 @@ def numbers_like(number, law):
 @_plainly(numbers_like)
 def _numbers_like(number, law):
     items = ", ".join(f"like(number, law[{k}])" for k in range(len(law)))
-    return _made("numbers_like", "number, law", f"cls({items})", cls=law.instance_class, like=like)
+    return compiled_expression(
+        "numbers_like", "number, law", f"cls({items})", cls=law.instance_class, like=like
+    )
 
 
 def numbers_at(array, start, stride, law):
@@ -155,42 +154,64 @@ def numbers_at(array, start, stride, law):
 @_plainly(numbers_at)
 def _numbers_at(array, start, stride, law):
     items = ", ".join(f"array[start + {k} * stride]" for k in range(len(law)))
-    return _made("numbers_at", "array, start, stride, law", f"cls({items})", cls=law.instance_class)
+    return compiled_expression(
+        "numbers_at", "array, start, stride, law", f"cls({items})", cls=law.instance_class
+    )
 
 
-def _kept_count(numbers: type) -> int:
+def _own_count(numbers: type) -> int:
     return next(len(law.kept) for law in contact_laws().values() if law.numbers is numbers)
 
 
 def components(law):
     """Count of the numbers kept of a contact: springs, and the law's own."""
-    return SPRINGS + _kept_count(type(law))
+    return SPRINGS + _own_count(type(law))
 
 
 @_inline(components)
 def _components(law):
-    count = SPRINGS + _kept_count(law.instance_class)
+    count = SPRINGS + _own_count(law.instance_class)
     return lambda law: count
 
 
-def kept_at(array, start, stride, factor, law):
+def own_at(array, start, stride, factor, law):
     """`factor` times the law's own numbers of a contact, every stride-th of `array` (n,) from `start` on."""
-    return tuple(factor * array[start + k * stride] for k in range(_kept_count(type(law))))
+    return tuple(factor * array[start + k * stride] for k in range(_own_count(type(law))))
 
 
-@_inline(kept_at)
-def _kept_at(array, start, stride, factor, law):
-    count = _kept_count(law.instance_class)
+@_inline(own_at)
+def _own_at(array, start, stride, factor, law):
+    count = _own_count(law.instance_class)
     items = "".join(f"factor * array[start + {k} * stride], " for k in range(count))
-    return _made("kept_at", "array, start, stride, factor, law", f"({items})")
+    return compiled_expression("own_at", "array, start, stride, factor, law", f"({items})")
 
 
-def put_kept(kept, factor, array, start, stride):
-    """`factor` times `kept` into every stride-th place of `array` (n,) from `start` on."""
-    for k in range(len(kept)):
-        array[start + k * stride] = factor * kept[k]
+def put_own(own, factor, array, start, stride):
+    """`factor` times `own` into every stride-th place of `array` (n,) from `start` on."""
+    for k in range(len(own)):
+        array[start + k * stride] = factor * own[k]
 
 
-@_inline(put_kept)
-def _put_kept(kept, factor, array, start, stride):
-    return (lambda kept, factor, array, start, stride: None) if len(kept) == 0 else put_kept
+@_inline(put_own)
+def _put_own(own, factor, array, start, stride):
+    return (lambda own, factor, array, start, stride: None) if len(own) == 0 else put_own
+
+
+@inner_kernel(forceinline=True)
+def state_at(array, start, stride, law):
+    """ContactState in every stride-th place of `array` (n,) from `start` on."""
+    at, one = start + 3 * stride, like(array[start], 1.0)
+    return ContactState(
+        (array[start], array[start + stride], array[start + 2 * stride]),
+        (array[at], array[at + stride], array[at + 2 * stride]),
+        own_at(array, at + 3 * stride, stride, one, law),
+    )
+
+
+@inner_kernel(forceinline=True)
+def put_state(state, acts, array, start, stride):
+    """`state` to where state_at reads it, the law's own numbers times `acts`."""
+    at = start + 3 * stride
+    array[start], array[start + stride], array[start + 2 * stride] = state.shear
+    array[at], array[at + stride], array[at + 2 * stride] = state.rolling
+    put_own(state.own, acts, array, at + 3 * stride, stride)

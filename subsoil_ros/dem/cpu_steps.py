@@ -113,30 +113,26 @@ class CpuSteps:
     def _bind(self, step_s: float) -> _Calls:
         """Kernel calls for steps of this length, valid until an array is replaced."""
         model, state, bind = self._model, self.state, self._kernels.bind
-        p, pairs, walls, bonds = state.particles, state.pairs, state.walls, state.bonds
-        motion, (mass, inertia) = (p.position, p.velocity, p.spin, p.force, p.torque), model.masses(p)
+        p, bonds = state.particles, state.bonds
+        kinematics, loads, masses = p.kinematics, p.loads, model.masses(p)
         drift = (
-            *motion, p.built_position, p.held,
-            mass, inertia, model.gravity_m_per_s2, step_s, (0.5 * model.soil.skin_m) ** 2,
+            kinematics, loads, masses, p.built_position, p.held,
+            model.gravity_m_per_s2, step_s, (0.5 * model.soil.skin_m) ** 2,
         )  # fmt: skip
         of_pairs = (
-            pairs.slab_start, pairs.row_start, pairs.neighbour, *motion, pairs.history,
-            model.precision(model.radius_m), model.precision(step_s), model.pair_law,
-            model.mixture(p, model.pair_laws), model.features, state.pair_book,
-            bonds.kernel_arrays() if bonds is not None else NO_BONDS,
+            state.pairs, bonds.kernel_arrays() if bonds is not None else NO_BONDS, kinematics,
+            *model.at_pairs(p, step_s), loads, state.pair_book,
         )  # fmt: skip
         of_walls = (
-            walls.particle, walls.wall, state.domain.planes, *motion, walls.history,
-            model.radius_m, step_s, model.wall_law, model.mixture(p, model.wall_laws), model.features,
+            state.walls, state.domain.planes, kinematics, *model.at_walls(p, step_s), loads,
             state.wall_force, state.wall_book,
         )  # fmt: skip
         self._calls = calls = _Calls(
             bind(drift_and_contacts, drift, of_pairs, of_walls, varying=(1, True)),
-            bind(kick, p.velocity, p.spin, p.force, p.torque, p.held, mass, inertia, step_s),
+            bind(kick, kinematics, loads, masses, p.held, step_s),
         )
-        tool_mixture = model.mixture(p, model.tool_laws)
         for tool in state.tools:
-            tool.bind(p, model.radius_m, step_s, model.tool_law, tool_mixture, model.features)
+            tool.bind(p, model.at_tools(p, step_s))
         return calls
 
     def rebuild(self, motions: tuple[ToolMotion, ...], came_from: np.ndarray | None = None) -> None:
@@ -208,10 +204,7 @@ class CpuSteps:
         domain.bed = scaled(domain.bed, scales)
         model.features.periodic[:] = periods(domain.bed)
         if np.ndim(scale):
-            stretch_springs(
-                pairs.row_start, pairs.neighbour, p.position, pairs.history, strain,
-                model.radius_m, model.wall_law, model.mixture(p, model.pair_laws), model.features,
-            )  # fmt: skip
+            stretch_springs(pairs, p.position, strain, *model.seen_at_pairs(p))
             if state.bonds is not None:
                 state.bonds.stretch(pairs, p.position, strain)
         state.strain += float(np.abs(strain).max())
@@ -245,7 +238,7 @@ class CpuSteps:
         """Every linear and angular velocity times `kept`."""
         p = self.particles()
         p.velocity *= kept
-        p.spin *= kept
+        p.angular_velocity *= kept
 
     def listed_pair_count(self) -> int:
         """Pairs in the neighbour list, the skin included."""
@@ -260,9 +253,7 @@ class CpuSteps:
         """Sums over particles from which the monitors judge motion."""
         use_threads(self._threads)
         p, model = self.particles(), self._model
-        return MotionSums(
-            *half_step_sums(p.position, p.velocity, p.spin, p.force, p.torque, *model.masses(p), model.step_s)
-        )
+        return MotionSums(*half_step_sums(p.kinematics, p.loads, model.masses(p), model.step_s))
 
     def any_outside(self) -> bool:
         """Whether a particle may have left the domain: always true, so that each is checked."""
@@ -272,9 +263,9 @@ class CpuSteps:
         """Kinetic energy and that of gravity, zero at z = 0."""
         p, model = self.particles(), self._model
         if p.unequal:
-            kinetic, height, _ = mass_sums(p.position, p.velocity, p.spin, p.mass, p.inertia)
+            kinetic, height, _ = mass_sums(p.kinematics, model.masses(p))
             return kinetic, model.gravity_m_per_s2 * height
-        speed2, spin2, height, _ = motion_sums(p.position, p.velocity, p.spin)
+        speed2, spin2, height, _ = motion_sums(p.kinematics)
         kinetic = 0.5 * (model.mass_kg * speed2 + model.inertia_kg_m2 * spin2)
         return kinetic, model.mass_kg * model.gravity_m_per_s2 * height
 
@@ -282,19 +273,13 @@ class CpuSteps:
         """Contacts in reach, and the largest overlap [m]."""
         use_threads(self._threads)
         p, pairs, model = self.particles(), self.state.pairs, self._model
-        return contact_scan(
-            pairs.row_start, pairs.neighbour, p.position,
-            model.radius_m, model.wall_law, model.mixture(p, model.pair_laws), model.features,
-        )  # fmt: skip
+        return contact_scan(pairs, p.position, *model.seen_at_pairs(p))
 
     def stored_in_pairs_joule(self) -> float:
         """Energy stored between particles, bonds apart."""
         use_threads(self._threads)
         p, pairs, model = self.particles(), self.state.pairs, self._model
-        return pair_energy(
-            pairs.row_start, pairs.neighbour, p.position, pairs.history,
-            model.radius_m, model.wall_law, model.mixture(p, model.pair_laws), model.features,
-        )  # fmt: skip
+        return pair_energy(pairs, p.position, *model.seen_at_pairs(p))
 
 
 def tools_left_their_lists(model: SoilModel, state: SoilState, motions: tuple[ToolMotion, ...]) -> bool:

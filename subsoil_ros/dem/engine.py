@@ -124,7 +124,7 @@ class SoilEngine(SoilReadings):
         position, state = np.array(position_m, dtype=np.float64).reshape(-1, 3), self._state
         refuse_outside(self.bed, state.domain.planes, position)
         particles = self._model.particles(position, radii_m, None)
-        for name, given in (("velocity", velocity_m_per_s), ("spin", angular_velocity_rad_per_s)):
+        for name, given in (("velocity", velocity_m_per_s), ("angular_velocity", angular_velocity_rad_per_s)):
             if given is not None:
                 rows = finite_rows(name, given, len(position))
                 setattr(particles, name, rows.astype(self._model.precision))

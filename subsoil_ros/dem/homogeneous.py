@@ -3,21 +3,21 @@
 import numpy as np
 from numba import njit
 
-from ..contact_laws.base import SPRINGS
 from .blocks import BLOCK, history_place
-from .contact import components, kept_at, reach
+from .contact import components, reach, state_at
 from .mixture import pair_of
 from .pairs import contact_of_pair
 from .periodic import nearest_images
 
 
 @njit(cache=True, error_model="numpy")
-def stretch_springs(row_start, neighbour, position, history, strain, radius, law, mixture, features):
+def stretch_springs(pairs, position, strain, law, mixture, features):
     """Updates the tangential springs of all contacts after a stretch of the bed by `strain` (3,)
     along x, y and z.
 
     In a pair a vector l apart, particle i moves by -strain l against j. Only the class of `law` is used.
     """
+    row_start, neighbour, history, _ = pairs
     for i in range(position.shape[0]):
         for k in range(row_start[i], row_start[i + 1]):
             j = neighbour[k]
@@ -25,10 +25,10 @@ def stretch_springs(row_start, neighbour, position, history, strain, radius, law
                 position[j, 0] - position[i, 0],
                 position[j, 1] - position[i, 1],
                 position[j, 2] - position[i, 2],
-                features.periodic,
+                features,
             )
             squared = dx * dx + dy * dy + dz * dz
-            radius_i, radius_j, between = pair_of(i, j, radius, law, mixture, features)
+            radius_i, radius_j, between = pair_of(i, j, law, mixture, features)
             if squared >= reach(radius_i + radius_j, between, features) ** 2:
                 continue
             ex, ey, ez = strain[0] * dx, strain[1] * dy, strain[2] * dz
@@ -40,12 +40,13 @@ def stretch_springs(row_start, neighbour, position, history, strain, radius, law
 
 
 @njit(cache=True, error_model="numpy")
-def pair_stress(row_start, neighbour, position, history, radius, law, mixture, features):
+def pair_stress(pairs, position, law, mixture, features):
     """Sum over all pairs of force times distance (3, 3) [N m], compression positive, without dampers.
 
     Only the class of `law` is used. Divided by the volume it is the mean stress (Love; J. Christoffersen,
     M.M. Mehrabadi, S. Nemat-Nasser, J. Appl. Mech. 48 (1981) 339-344).
     """
+    row_start, neighbour, history, _ = pairs
     total = np.zeros((3, 3))
     still = (0.0, 0.0, 0.0)
     for i in range(position.shape[0]):
@@ -55,16 +56,13 @@ def pair_stress(row_start, neighbour, position, history, radius, law, mixture, f
                 position[j, 0] - position[i, 0],
                 position[j, 1] - position[i, 1],
                 position[j, 2] - position[i, 2],
-                features.periodic,
+                features,
             )
-            radius_i, radius_j, between = pair_of(i, j, radius, law, mixture, features)
-            h = history_place(k, components(between))
+            radius_i, radius_j, between = pair_of(i, j, law, mixture, features)
+            state = state_at(history, history_place(k, components(between)), BLOCK, between)
             found = contact_of_pair(
-                apart, still, still, still, radius_i, radius_j,
-                (history[h], history[h + BLOCK], history[h + 2 * BLOCK]),
-                (history[h + 3 * BLOCK], history[h + 4 * BLOCK], history[h + 5 * BLOCK]),
-                kept_at(history, h + SPRINGS * BLOCK, BLOCK, 1.0, between), 0.0, between, features,
-            )  # fmt: skip
+                apart, still, (still, still), (radius_i, radius_j), state, 0.0, between, features
+            )
             force = found[1]
             for a in range(3):
                 for b in range(3):

@@ -39,6 +39,8 @@ class KernelCalls:
 
         The first call for a kernel fixes the types.
         """
+        if numba.config.DISABLE_JIT:  # as beside numba's simulator of a GPU
+            return partial(kernel, *arguments)
         if kernel not in self._compiled:
             types = tuple(numba.typeof(argument) for argument in (*arguments, *varying))
             self._compiled[kernel] = kernel.compile(types)

@@ -6,14 +6,15 @@ from typing import Any
 import numpy as np
 
 from ..contact_laws.base import Features
+from ..contact_laws.features import books_energy
 from ..errors import InputError
 from ..loading.loader import ResolvedScene
 from ..scene.pair_laws import layer_soils, pair_values, particle_mass_kg
 from ..scene.soil import Soil
 from .bed import Bed
 from .contact import history_parity, law_features, soil_laws
-from .mixture import Mixture, law_tables, material_at, reaches_m
-from .particles import Particles
+from .mixture import ContactModel, Mixture, law_tables, material_at, reaches_m
+from .particles import Masses, Particles
 from .periodic import TOOL_SKIN, periods
 
 
@@ -48,7 +49,7 @@ class SoilModel:
     @property
     def booked(self) -> bool:
         """Whether every energy sink is booked."""
-        return self.features.book.ndim == 2
+        return books_energy(self.features)
 
     @property
     def layers(self) -> int:
@@ -81,13 +82,31 @@ class SoilModel:
             p.make_unequal(radius, np.array(materials, np.int64), self.density_kg_per_m3)
         return p
 
-    def masses(self, p: Particles) -> tuple[float | np.ndarray, float | np.ndarray]:
-        """Mass [kg] and inertia [kg m2] for the kernels: of all particles, or arrays (n,)."""
-        return (p.mass, p.inertia) if p.unequal else (self.mass_kg, self.inertia_kg_m2)
+    def masses(self, p: Particles) -> Masses:
+        """Masses for the kernels."""
+        return Masses(p.mass, p.inertia) if p.unequal else Masses(self.mass_kg, self.inertia_kg_m2)
 
-    def mixture(self, p: Particles, laws: np.ndarray) -> Mixture:
-        """Particles and one of the tables of laws, as kernels take them."""
-        return Mixture(p.radius, p.mass, p.material, laws, self.layers)
+    def at_pairs(self, p: Particles, step_s: float) -> ContactModel:
+        """Contacts of two particles, in `precision`."""
+        step, radius = self.precision(step_s), self.precision(self.radius_m)
+        return ContactModel(self.pair_law, self._mixture(p, radius, self.pair_laws), self.features, step)
+
+    def seen_at_pairs(self, p: Particles) -> tuple[Any, Mixture, Features]:
+        """Contacts of two particles for readings, in float64: ContactModel but for the step."""
+        return self.wall_law, self._mixture(p, self.radius_m, self.pair_laws), self.features
+
+    def at_walls(self, p: Particles, step_s: float = 0.0) -> ContactModel:
+        """Contacts of particles and walls."""
+        mixture = self._mixture(p, self.radius_m, self.wall_laws)
+        return ContactModel(self.wall_law, mixture, self.features, step_s)
+
+    def at_tools(self, p: Particles, step_s: float = 0.0) -> ContactModel:
+        """Contacts of particles and tools."""
+        mixture = self._mixture(p, self.radius_m, self.tool_laws)
+        return ContactModel(self.tool_law, mixture, self.features, step_s)
+
+    def _mixture(self, p: Particles, radius: float, laws: np.ndarray) -> Mixture:
+        return Mixture(radius, p.radius, p.mass, p.material, laws, self.layers)
 
     def clearance_m(self, p: Particles) -> np.ndarray:
         """(n,) distance of a centre from a boundary at which nothing presses."""

@@ -64,33 +64,32 @@ def _part(half2: float, whole2: float) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _part_sums(first, last, position, velocity, spin, force, torque, mass, inertia, step):
+def _part_sums(first, last, kinematics, loads, masses, step):
+    position, velocity, angular_velocity = kinematics
+    force, torque = loads
+    mass, inertia = masses
     v2, a2, w2, t2, place = 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(first, last):
         by_force, by_torque = 0.5 * step / of_particle(mass, i), 0.5 * step / of_particle(inertia, i)
         for a in range(3):
             v2 += velocity[i, a] * velocity[i, a]
             a2 += (by_force * force[i, a]) ** 2
-            w2 += spin[i, a] * spin[i, a]
+            w2 += angular_velocity[i, a] * angular_velocity[i, a]
             t2 += (by_torque * torque[i, a]) ** 2
             place += position[i, a]
     return v2, a2, w2, t2, place
 
 
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def half_step_sums(position, velocity, spin, force, torque, mass, inertia, step):
-    """MotionSums, in an order that the threads do not change.
-
-    mass [kg], inertia [kg m2]: of every particle, or arrays (n,).
-    """
-    n = position.shape[0]
+def half_step_sums(kinematics, loads, masses, step):
+    """MotionSums, in an order that the threads do not change."""
+    n = kinematics.position.shape[0]
     v2, a2, w2, t2 = np.zeros(PARTS), np.zeros(PARTS), np.zeros(PARTS), np.zeros(PARTS)
     place = np.zeros(PARTS)
     for part in prange(PARTS):
         v2[part], a2[part], w2[part], t2[part], place[part] = _part_sums(
-            part * n // PARTS, (part + 1) * n // PARTS, position, velocity, spin, force, torque, mass,
-            inertia, step,
-        )  # fmt: skip
+            part * n // PARTS, (part + 1) * n // PARTS, kinematics, loads, masses, step
+        )
     return added_up(v2), added_up(a2), added_up(w2), added_up(t2), added_up(place)
 
 
@@ -272,11 +271,11 @@ class SoilMonitor:
 
 
 @njit(cache=True, nogil=True)
-def _all_finite(position, velocity, spin):
+def _all_finite(position, velocity, angular_velocity):
     rest = 0.0
     for i in range(position.shape[0]):
         for a in range(3):
-            rest += 0.0 * position[i, a] + 0.0 * velocity[i, a] + 0.0 * spin[i, a]
+            rest += 0.0 * position[i, a] + 0.0 * velocity[i, a] + 0.0 * angular_velocity[i, a]
     return rest == 0.0
 
 
@@ -287,13 +286,13 @@ def refuse_lost_numbers(where: str, particles: Particles) -> None:
         PhysicsError: a particle fails.
     """
     p = particles
-    if _all_finite(p.position, p.velocity, p.spin):
+    if _all_finite(p.position, p.velocity, p.angular_velocity):
         return
-    finite = (np.isfinite(p.position) & np.isfinite(p.velocity) & np.isfinite(p.spin)).all(axis=1)
+    finite = (np.isfinite(p.position) & np.isfinite(p.velocity) & np.isfinite(p.angular_velocity)).all(axis=1)
     bad = np.flatnonzero(~finite)
     k = bad[np.argmin(p.identity[bad])]
     raise PhysicsError(
         f"{where}: particle {p.identity[k]} is no longer a number, {len(bad) - 1} others too: position "
-        f"{p.position[k]} m, velocity {p.velocity[k]} m/s, angular velocity {p.spin[k]} rad/s, "
+        f"{p.position[k]} m, velocity {p.velocity[k]} m/s, angular velocity {p.angular_velocity[k]} rad/s, "
         f"last force {p.force[k]} N, torque {p.torque[k]} N m; use a smaller soil.time_step_s"
     )

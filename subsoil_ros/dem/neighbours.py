@@ -133,18 +133,19 @@ def _forward_range(grid, cx, cy, cz, k, cell_start):
 
 
 @inner_kernel(fastmath={"contract"})
-def _find_pairs(first_cell, last_cell, position, grid, cell_start, reach, smaller, found, begin, end, count):
-    """Partners of the particles of these cells, one after the other, into found[begin:end] as long as there
-    is room; `count` receives their number by particle. Returns the number of all, and the most candidates
-    that a particle had.
+def _find_pairs(cells, position, grid, cell_start, reach, smaller, room_out, count_out):
+    """Partners of the particles of cells[0] <= cell < cells[1], one after the other, into found[begin:end],
+    which are `room_out`, as long as there is room; `count_out` receives their number by particle. Returns the
+    number of all, and the most candidates that a particle had.
 
     The candidates of a cell are gathered once. Each is written and then kept or overwritten, without a
     branch that could be mispredicted.
     """
+    found, begin, end = room_out
     room = 64
     index, places, excess = np.empty(room, np.int32), np.empty((4, room)), np.empty(room)
     pairs, most, lows, highs = 0, 0, np.empty(_RUNS, np.int64), np.empty(_RUNS, np.int64)
-    for cell in range(first_cell, last_cell):
+    for cell in range(cells[0], cells[1]):
         first, last = cell_start[cell], cell_start[cell + 1]
         if first == last:
             continue
@@ -183,7 +184,7 @@ def _find_pairs(first_cell, last_cell, position, grid, cell_start, reach, smalle
             else:
                 for m in range(after, candidates):
                     number += int(excess[m] < 0.0)
-            count[i] = number
+            count_out[i] = number
             pairs += number
     return pairs, most
 
@@ -204,7 +205,7 @@ def half_list(position, grid, cell_start, reach, smaller):
         cells = first_cell[chunk], first_cell[chunk + 1]
         begin, end = cell_start[cells[0]] * _USUAL_PARTNERS, cell_start[cells[1]] * _USUAL_PARTNERS
         most[chunk] = _find_pairs(
-            cells[0], cells[1], position, grid, cell_start, reach, smaller, found, begin, end, count
+            cells, position, grid, cell_start, reach, smaller, (found, begin, end), count
         )[1]
     row_start = np.zeros(n + 1, np.int64)
     for i in range(n):
@@ -218,19 +219,8 @@ def half_list(position, grid, cell_start, reach, smaller):
             neighbour[row_start[first] : row_start[last]] = found[begin : begin + pairs]
         else:
             own = np.empty(pairs + most[chunk], np.int32)
-            _find_pairs(
-                cells[0],
-                cells[1],
-                position,
-                grid,
-                cell_start,
-                reach,
-                smaller,
-                own,
-                np.int64(0),
-                own.shape[0],
-                count,
-            )
+            room = own, np.int64(0), own.shape[0]
+            _find_pairs(cells, position, grid, cell_start, reach, smaller, room, count)
             neighbour[row_start[first] : row_start[last]] = own[:pairs]
     return row_start, neighbour
 

@@ -11,7 +11,8 @@ import math
 import numpy as np
 from numba import njit, prange
 
-from ..contact_laws.base import SHARED_SINKS, SPRINGS
+from ..contact_laws.base import SHARED_SINKS, ContactMotion, ContactState
+from ..contact_laws.features import books_energy, has_materials, has_sizes, is_unlike
 from ..contact_laws.inverse_root import inverse_root
 from ..contact_laws.springs import like
 from .blocks import BLOCK, ROW, history_place, scratch_rows
@@ -21,15 +22,15 @@ from .contact import (
     at_size,
     components,
     contact,
-    kept_at,
     normal_potential,
     numbers_at,
     numbers_like,
-    put_kept,
+    put_state,
     reach,
     spring_energy,
+    state_at,
 )
-from .mixture import pair_of
+from .mixture import ContactModel, pair_of
 from .per_particle import PARTS, added_up
 from .periodic import nearest_images
 
@@ -40,20 +41,16 @@ _GATHERED = 12
 @inner_kernel(forceinline=True)
 def stored_energy(overlap, history, pair, law, features):
     """Energy in the normal force and the springs of a pair or wall contact [J]."""
-    h = history_place(pair, components(law))
-    shear = (history[h], history[h + BLOCK], history[h + 2 * BLOCK])
-    roll = (history[h + 3 * BLOCK], history[h + 4 * BLOCK], history[h + 5 * BLOCK])
-    kept = kept_at(history, h + SPRINGS * BLOCK, BLOCK, like(overlap, 1.0), law)
-    energy = normal_potential(overlap, kept, law, features)
-    return energy, spring_energy(overlap, shear, roll, law)
+    state = state_at(history, history_place(pair, components(law)), BLOCK, law)
+    return normal_potential(overlap, state, law, features), spring_energy(overlap, state, law)
 
 
 @inner_kernel()
-def _gather(
-    first_row, pair, last, row_start, neighbour, position, velocity, spin, scratch,
-    radius, law, mixture, features,
-):  # fmt: skip
+def _gather(first_row, pair, last, pairs, kinematics, model, rows_out):
     """States of the pairs pair <= k < last into the scratch rows; pair `pair` is in row `first_row`."""
+    row_start, neighbour = pairs.row_start, pairs.neighbour
+    position, velocity, angular_velocity = kinematics
+    law, mixture, features, _ = model
     i, end = first_row, row_start[first_row + 1]
     start = pair
     while start < last:
@@ -63,45 +60,44 @@ def _gather(
         stop = min(end, last)
         px, py, pz = position[i, 0], position[i, 1], position[i, 2]
         vx, vy, vz = velocity[i, 0], velocity[i, 1], velocity[i, 2]
-        wx, wy, wz = spin[i, 0], spin[i, 1], spin[i, 2]
+        wx, wy, wz = angular_velocity[i, 0], angular_velocity[i, 1], angular_velocity[i, 2]
         for k in range(start, stop):
             j = np.uint32(neighbour[k])
             b = np.uint64(k - pair)
-            scratch[0, b], scratch[1, b], scratch[2, b] = nearest_images(
-                position[j, 0] - px, position[j, 1] - py, position[j, 2] - pz, features.periodic
+            rows_out[0, b], rows_out[1, b], rows_out[2, b] = nearest_images(
+                position[j, 0] - px, position[j, 1] - py, position[j, 2] - pz, features
             )
-            scratch[3, b] = vx - velocity[j, 0]
-            scratch[4, b] = vy - velocity[j, 1]
-            scratch[5, b] = vz - velocity[j, 2]
-            scratch[6, b] = wx
-            scratch[7, b] = wy
-            scratch[8, b] = wz
-            scratch[9, b] = spin[j, 0]
-            scratch[10, b] = spin[j, 1]
-            scratch[11, b] = spin[j, 2]
-            if features.sizes.ndim == 2 and features.materials.ndim == 1:
-                scratch[12, b], scratch[13, b] = mixture.radius[i], mixture.radius[j]
-                scratch[14, b] = mixture.mass[i] * mixture.mass[j] / (mixture.mass[i] + mixture.mass[j])
-            elif features.sizes.ndim == 2 or features.materials.ndim == 2:
-                scratch[12, b], scratch[13, b], of_pair = pair_of(i, j, radius, law, mixture, features)
+            rows_out[3, b] = vx - velocity[j, 0]
+            rows_out[4, b] = vy - velocity[j, 1]
+            rows_out[5, b] = vz - velocity[j, 2]
+            rows_out[6, b] = wx
+            rows_out[7, b] = wy
+            rows_out[8, b] = wz
+            rows_out[9, b] = angular_velocity[j, 0]
+            rows_out[10, b] = angular_velocity[j, 1]
+            rows_out[11, b] = angular_velocity[j, 2]
+            if has_sizes(features) and not has_materials(features):
+                rows_out[12, b], rows_out[13, b] = mixture.radius[i], mixture.radius[j]
+                rows_out[14, b] = mixture.mass[i] * mixture.mass[j] / (mixture.mass[i] + mixture.mass[j])
+            elif is_unlike(features):
+                rows_out[12, b], rows_out[13, b], of_pair = pair_of(i, j, law, mixture, features)
                 for a, number in enumerate(of_pair):
-                    scratch[14 + a, b] = number
+                    rows_out[14 + a, b] = number
         start = stop
 
 
 @inner_kernel(forceinline=True, fastmath={"contract"})
-def contact_of_pair(
-    apart, relative, spin_i, spin_j, radius_i, radius_j, shear, roll, kept, step, law, features
-):
+def contact_of_pair(apart, relative, angular_velocities, radii, state, step, law, features):
     """Contact of particles i and j, in reach or not.
 
-    apart [m]: x_j - x_i; relative [m/s]: v_i - v_j of the centres; spins [rad/s], radii [m]; shear [m], roll
-    [rad], kept: history.
-    Returns 1 if they are in reach, else 0; force on i [N]; torques on i and on j [N m]; shear, roll; sinks
-    [J]; kept. Out of reach all are zero, except the sink `separation`, the energy of the lost springs, and
-    the law's own sinks and kept, which the caller multiplies by the first value.
+    apart [m]: x_j - x_i; relative [m/s]: v_i - v_j of the centres; angular velocities [rad/s] and radii [m]
+    of both; state: ContactState.
+    Returns 1 if they are in reach, else 0; force on i [N]; torques on i and on j [N m]; ContactState; sinks
+    [J]. Out of reach all are zero, except the sink `separation`, the energy of the lost springs, and
+    the law's own sinks and numbers, which the caller multiplies by the first value.
     """
     zero, half, one = like(step, 0.0), like(step, 0.5), like(step, 1.0)
+    radius_i, radius_j = radii
     touch = radius_i + radius_j
     farthest = reach(touch, law, features)
     dx, dy, dz = apart
@@ -110,10 +106,10 @@ def contact_of_pair(
     distance = squared * inverse
     nx, ny, nz = dx * inverse, dy * inverse, dz * inverse
     arm_i = arm_j = half * distance  # both bodies reach to the middle of overlap or gap
-    wx, wy, wz = spin_i
-    ox, oy, oz = spin_j
+    wx, wy, wz = angular_velocities[0]
+    ox, oy, oz = angular_velocities[1]
     # velocity of i against j at the contact: v_i - v_j + (arm_i w_i + arm_j w_j) x n
-    if features.sizes.ndim == 2:
+    if has_sizes(features):
         longer = half * (radius_i - radius_j)
         arm_i += longer
         arm_j -= longer
@@ -125,76 +121,75 @@ def contact_of_pair(
         relative[1] + cz * nx - cx * nz,
         relative[2] + cx * ny - cy * nx,
     )
-    f, m, s, r, kept, sinks = contact(
-        touch - distance, (nx, ny, nz), sliding, (wx - ox, wy - oy, wz - oz), shear, roll, kept, step, law,
-        features,
-    )  # fmt: skip
+    motion = ContactMotion((nx, ny, nz), sliding, (wx - ox, wy - oy, wz - oz))
+    f, m, new, sinks = contact(touch - distance, motion, state, step, law, features)
     acts = one if distance < farthest else zero
     fx, fy, fz = acts * f[0], acts * f[1], acts * f[2]
     mx, my, mz = acts * m[0], acts * m[1], acts * m[2]
     # torques arm n x f have one sign: opposite force on the opposite side
     qx, qy, qz = ny * fz - nz * fy, nz * fx - nx * fz, nx * fy - ny * fx
     lost = zero
-    if features.book.ndim == 2:
-        lost = (one - acts) * spring_energy(zero, shear, roll, law)
+    if books_energy(features):
+        lost = (one - acts) * spring_energy(zero, state, law)
     return (
         acts,
         (fx, fy, fz),
         (arm_i * qx + mx, arm_i * qy + my, arm_i * qz + mz),
         (arm_j * qx - mx, arm_j * qy - my, arm_j * qz - mz),
-        (acts * s[0], acts * s[1], acts * s[2]),
-        (acts * r[0], acts * r[1], acts * r[2]),
+        ContactState(
+            (acts * new.shear[0], acts * new.shear[1], acts * new.shear[2]),
+            (acts * new.rolling[0], acts * new.rolling[1], acts * new.rolling[2]),
+            new.own,
+        ),
         (acts * sinks[0], acts * sinks[1], acts * sinks[2], acts * sinks[3], acts * sinks[4] + lost)  # noqa: RUF005
         + sinks[SHARED_SINKS:],
-        kept,
     )
 
 
 @inner_kernel(fastmath={"contract"})
-def _compute(count, scratch, history, radius, step, common_law, features, book):
+def _compute(count, scratch, history, radius, step, common_law, features, book_out):
     """Replaces the states of `count` pairs by their forces and torques, and updates their histories.
 
     `scratch` and `history` are flat, so that the distance of their rows is a constant of the compiled code.
     """
     law, radius_i, radius_j = common_law, radius, radius
     for b in range(count):
-        if features.sizes.ndim == 2 or features.materials.ndim == 2:
+        if is_unlike(features):
             radius_i, radius_j = scratch[b + 12 * ROW], scratch[b + 13 * ROW]
-            if features.materials.ndim == 2:
+            if has_materials(features):
                 law = numbers_at(scratch, b + 14 * ROW, ROW, common_law)
             else:
                 reduced = radius_i * radius_j / (radius_i + radius_j)
                 law = numbers_like(step, at_size(common_law, reduced, scratch[b + 14 * ROW]))
-        acts, f, on_i, on_j, s, r, sinks, kept = contact_of_pair(
+        acts, f, on_i, on_j, state, sinks = contact_of_pair(
             (scratch[b], scratch[b + ROW], scratch[b + 2 * ROW]),
             (scratch[b + 3 * ROW], scratch[b + 4 * ROW], scratch[b + 5 * ROW]),
-            (scratch[b + 6 * ROW], scratch[b + 7 * ROW], scratch[b + 8 * ROW]),
-            (scratch[b + 9 * ROW], scratch[b + 10 * ROW], scratch[b + 11 * ROW]),
-            radius_i,
-            radius_j,
-            (history[b], history[b + BLOCK], history[b + 2 * BLOCK]),
-            (history[b + 3 * BLOCK], history[b + 4 * BLOCK], history[b + 5 * BLOCK]),
-            kept_at(history, b + SPRINGS * BLOCK, BLOCK, like(step, 1.0), law),
+            (
+                (scratch[b + 6 * ROW], scratch[b + 7 * ROW], scratch[b + 8 * ROW]),
+                (scratch[b + 9 * ROW], scratch[b + 10 * ROW], scratch[b + 11 * ROW]),
+            ),
+            (radius_i, radius_j),
+            state_at(history, b, BLOCK, law),
             step,
             law,
             features,
         )
-        history[b], history[b + BLOCK], history[b + 2 * BLOCK] = s
-        history[b + 3 * BLOCK], history[b + 4 * BLOCK], history[b + 5 * BLOCK] = r
-        put_kept(kept, acts, history, b + SPRINGS * BLOCK, BLOCK)
+        put_state(state, acts, history, b, BLOCK)
         scratch[b], scratch[b + ROW], scratch[b + 2 * ROW] = f
         scratch[b + 3 * ROW], scratch[b + 4 * ROW], scratch[b + 5 * ROW] = on_i
         scratch[b + 6 * ROW], scratch[b + 7 * ROW], scratch[b + 8 * ROW] = on_j
-        if features.book.ndim == 2:
+        if books_energy(features):
             for a in range(SHARED_SINKS):
-                book[a] += sinks[a]
+                book_out[a] += sinks[a]
             for a in range(SHARED_SINKS, len(sinks)):
-                book[a] += acts * sinks[a]
+                book_out[a] += acts * sinks[a]
 
 
 @inner_kernel()
-def _scatter(first_row, pair, last, row_start, neighbour, force, torque, scratch):
+def _scatter(first_row, pair, last, pairs, scratch, loads_out):
     """Adds the results of the pairs pair <= k < last. Returns the row of the last one."""
+    row_start, neighbour = pairs.row_start, pairs.neighbour
+    force, torque = loads_out
     i, end = first_row, row_start[first_row + 1]
     start = pair
     while start < last:
@@ -223,113 +218,100 @@ def _scatter(first_row, pair, last, row_start, neighbour, force, torque, scratch
 
 
 @inner_kernel()
-def _slab_forces(
-    first, last, row_start, neighbour, position, velocity, spin, force, torque, history,
-    radius, step, law, mixture, features, book, bonds, slab,
-):  # fmt: skip
-    """Pairs of the particles first <= i < last, in list order. `book` (sinks,) gathers the sinks [J]."""
+def _slab_forces(slab, pairs, bonds, kinematics, model, loads_out, book_out):
+    """Pairs of the particles of a slab, in list order. `book_out` (sinks,) gathers the sinks [J]."""
+    law, mixture, features, step = model
+    first, last = pairs.slab_start[slab], pairs.slab_start[slab + 1]
     count, common = _GATHERED, law
-    if features.sizes.ndim == 2 and features.materials.ndim == 1:
+    if has_sizes(features) and not has_materials(features):
         count += 3  # radii of i and j, reduced mass
         common = numbers_like(step, numbers_at(mixture.laws[0], 0, 1, law))
-    elif features.sizes.ndim == 2 or features.materials.ndim == 2:
+    elif is_unlike(features):
         count += 2 + len(law)  # radii of i and j, and the law of the pair
-    flat, of_bonds = scratch_rows(count, history.dtype), scratch_rows(bond_rows(bonds), history.dtype)
+    kind = pairs.history.dtype
+    flat, of_bonds = scratch_rows(count, kind), scratch_rows(bond_rows(bonds), kind)
     rows = flat.reshape((count, ROW))
-    pair, end = row_start[first], row_start[last]
+    pair, end = pairs.row_start[first], pairs.row_start[last]
     row = first
     while pair < end:
         stop = min(end, pair - pair % BLOCK + BLOCK)
-        _gather(
-            row, pair, stop, row_start, neighbour, position, velocity, spin, rows,
-            radius, law, mixture, features,
-        )  # fmt: skip
-        own = history[history_place(pair, components(law)) :]
+        _gather(row, pair, stop, pairs, kinematics, model, rows)
+        own = pairs.history[history_place(pair, components(law)) :]
         put_bonds(stop - pair, pair, flat, of_bonds, slab, step, bonds, features)
-        _compute(stop - pair, flat, own, radius, step, common, features, book)
+        _compute(stop - pair, flat, own, mixture.common_radius, step, common, features, book_out)
         add_bonds(stop - pair, flat, of_bonds, bonds)
-        row = _scatter(row, pair, stop, row_start, neighbour, force, torque, rows)
+        row = _scatter(row, pair, stop, pairs, rows, loads_out)
         pair = stop
 
 
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def pair_forces(
-    slab_start, row_start, neighbour, position, velocity, spin, force, torque, history,
-    radius, step, law, mixture, features, book, bonds,
-):  # fmt: skip
-    """Adds the forces of all pairs. `book` (slabs, sinks) [J] gathers the sinks slab by slab.
-
-    radius [m] and law are those of all particles, unless `features` has sizes or materials: see `mixture`.
-    bonds: NoBonds or BondArrays.
-    """
-    slabs = slab_start.shape[0] - 1
+def pair_forces(pairs, bonds, kinematics, law, mixture, features, step, loads_out, book_out):
+    """Adds the forces of all pairs, and updates their histories. `book_out` (slabs, sinks) [J] gathers the
+    sinks slab by slab. bonds: NoBonds or BondArrays. law to step: ContactModel."""
+    slabs = pairs.slab_start.shape[0] - 1
     for color in range(2):
         for half in prange((slabs + 1 - color) // 2):
             slab = 2 * half + color
-            _slab_forces(
-                slab_start[slab], slab_start[slab + 1], row_start, neighbour, position, velocity, spin,
-                force, torque, history, radius, step, law, mixture, features, book[slab], bonds, slab,
-            )  # fmt: skip
+            model = ContactModel(law, mixture, features, step)
+            _slab_forces(slab, pairs, bonds, kinematics, model, loads_out, book_out[slab])
 
 
 @inner_kernel()
-def _overlap_and_law(i, j, position, radius, law, mixture, features):
+def _overlap_and_law(i, j, position, law, mixture, features):
     """Overlap [m], negative across a gap, of particles i and j, and their law."""
     dx, dy, dz = nearest_images(
         position[j, 0] - position[i, 0],
         position[j, 1] - position[i, 1],
         position[j, 2] - position[i, 2],
-        features.periodic,
+        features,
     )
-    radius_i, radius_j, between = pair_of(i, j, radius, law, mixture, features)
+    radius_i, radius_j, between = pair_of(i, j, law, mixture, features)
     return radius_i + radius_j - math.sqrt(dx * dx + dy * dy + dz * dz), between
 
 
 @inner_kernel()
-def _rows_scan(first, last, row_start, neighbour, position, radius, law, mixture, features):
+def _rows_scan(first, last, pairs, position, law, mixture, features):
     contacts, largest = 0, 0.0
     for i in range(first, last):
-        for k in range(row_start[i], row_start[i + 1]):
-            overlap, between = _overlap_and_law(i, neighbour[k], position, radius, law, mixture, features)
+        for k in range(pairs.row_start[i], pairs.row_start[i + 1]):
+            overlap, between = _overlap_and_law(i, pairs.neighbour[k], position, law, mixture, features)
             contacts += int(overlap > -reach(0.0, between, features))
             largest = max(largest, overlap)
     return contacts, largest
 
 
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def contact_scan(row_start, neighbour, position, radius, law, mixture, features):
+def contact_scan(pairs, position, law, mixture, features):
     """Contacts in reach, and the largest overlap [m]. Only the class of `law` is used."""
     n = position.shape[0]
     contacts, largest = np.zeros(PARTS, np.int64), np.zeros(PARTS)
     for part in prange(PARTS):
         contacts[part], largest[part] = _rows_scan(
-            part * n // PARTS, (part + 1) * n // PARTS, row_start, neighbour, position, radius, law,
-            mixture, features,
-        )  # fmt: skip
+            part * n // PARTS, (part + 1) * n // PARTS, pairs, position, law, mixture, features
+        )
     return contacts.sum(), largest.max()  # integers and a maximum: in any order
 
 
 @inner_kernel()
-def _rows_energy(first, last, row_start, neighbour, position, history, radius, law, mixture, features):
+def _rows_energy(first, last, pairs, position, law, mixture, features):
     energy = 0.0
     for i in range(first, last):
-        for k in range(row_start[i], row_start[i + 1]):
-            overlap, between = _overlap_and_law(i, neighbour[k], position, radius, law, mixture, features)
+        for k in range(pairs.row_start[i], pairs.row_start[i + 1]):
+            overlap, between = _overlap_and_law(i, pairs.neighbour[k], position, law, mixture, features)
             if overlap > -reach(0.0, between, features):
-                normal, springs = stored_energy(overlap, history, k, between, features)
+                normal, springs = stored_energy(overlap, pairs.history, k, between, features)
                 energy += normal
                 energy += springs
     return energy
 
 
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def pair_energy(row_start, neighbour, position, history, radius, law, mixture, features):
+def pair_energy(pairs, position, law, mixture, features):
     """Energy stored between particles: normal and springs [J]. Only the class of `law` is used."""
     n = position.shape[0]
     energy = np.zeros(PARTS)
     for part in prange(PARTS):
         energy[part] = _rows_energy(
-            part * n // PARTS, (part + 1) * n // PARTS, row_start, neighbour, position, history, radius,
-            law, mixture, features,
-        )  # fmt: skip
+            part * n // PARTS, (part + 1) * n // PARTS, pairs, position, law, mixture, features
+        )
     return added_up(energy)

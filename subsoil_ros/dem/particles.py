@@ -1,11 +1,34 @@
 """State of the soil: particles and the histories of their contacts."""
 
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 
 from .neighbours import take_rows
 from .periodic import wrapped
+
+
+class Kinematics(NamedTuple):
+    """Places and velocities of particles, as kernels take them; (n, 3), world axes."""
+
+    position: np.ndarray  # [m]
+    velocity: np.ndarray  # [m/s]
+    angular_velocity: np.ndarray  # [rad/s]
+
+
+class Loads(NamedTuple):
+    """Forces and torques on particles, as kernels take them; (n, 3), world axes."""
+
+    force: np.ndarray  # [N]
+    torque: np.ndarray  # [N m]
+
+
+class Masses(NamedTuple):
+    """Of every particle, or arrays (n,)."""
+
+    mass: float | np.ndarray  # [kg]
+    inertia: float | np.ndarray  # [kg m2]
 
 
 @dataclass
@@ -18,7 +41,7 @@ class Particles:
 
     position: np.ndarray  # [m]
     velocity: np.ndarray  # [m/s]
-    spin: np.ndarray  # [rad/s]
+    angular_velocity: np.ndarray  # [rad/s]
     force: np.ndarray  # [N]
     torque: np.ndarray  # [N m]
     built_position: np.ndarray  # [m] where the neighbour lists were built; float32 resolves half a skin
@@ -54,6 +77,16 @@ class Particles:
         self.inertia = 0.4 * self.mass * radius**2
 
     @property
+    def kinematics(self) -> Kinematics:
+        """Places and velocities, not copied."""
+        return Kinematics(self.position, self.velocity, self.angular_velocity)
+
+    @property
+    def loads(self) -> Loads:
+        """Forces and torques, not copied."""
+        return Loads(self.force, self.torque)
+
+    @property
     def unequal(self) -> bool:
         """Whether the particles have sizes or materials of their own."""
         return len(self.mass) > 0
@@ -70,7 +103,7 @@ class Particles:
 
     def reorder(self, order: np.ndarray) -> None:
         """Put particle order[k] in place k."""
-        for name in ("position", "velocity", "spin", "force", "torque"):
+        for name in ("position", "velocity", "angular_velocity", "force", "torque"):
             setattr(self, name, take_rows(getattr(self, name), order))
         for name in ["identity", "image", "held"] + self.unequal * ["radius", "mass", "inertia", "material"]:
             setattr(self, name, getattr(self, name)[order])
@@ -90,8 +123,7 @@ class Particles:
         return len(self.position)
 
 
-@dataclass
-class PairList:
+class PairList(NamedTuple):
     """Half neighbour list in compressed rows: pairs (i, neighbour[k]), row_start[i] <= k < row_start[i+1].
 
     `slab_start` cuts the particles into slabs wider than the reach: a slab's pairs touch only itself
@@ -105,8 +137,7 @@ class PairList:
     slab_start: np.ndarray  # (slabs + 1,) int64
 
 
-@dataclass
-class WallList:
+class WallList(NamedTuple):
     """Pairs of a particle and a wall that it may touch, by particle, then by wall."""
 
     particle: np.ndarray  # (w,) int64
@@ -114,12 +145,11 @@ class WallList:
     history: np.ndarray  # the same, float64
 
 
-@dataclass
-class ToolList:
+class ToolList(NamedTuple):
     """Particles that may touch one tool, and which of its facets.
 
-    A contact is identified by its normal in the tool's frame. Shear and roll are kept in that frame too, so
-    they turn with the tool and pass from facet to facet.
+    A contact is identified by its normal in the tool's frame. Its springs are kept in that frame too,
+    so they turn with the tool and pass from facet to facet.
     """
 
     particle: np.ndarray  # (c,) int64, increasing
@@ -128,4 +158,4 @@ class ToolList:
     active: np.ndarray  # (c, CONTACTS) bool
     normal: np.ndarray  # (c, CONTACTS, 3)
     shear: np.ndarray  # (c, CONTACTS, 3) [m]
-    roll: np.ndarray  # (c, CONTACTS, 3 + kept) [rad], then what the law keeps besides
+    rolling: np.ndarray  # (c, CONTACTS, 3 + kept) [rad], then what the law keeps besides

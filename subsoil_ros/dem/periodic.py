@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 
 from ..contact_laws.base import NO
+from ..contact_laws.features import is_endless, is_periodic
 from ..errors import SceneError
 from ..scene.pair_laws import layer_soils, pair_values
 from ..scene.soil import Soil
@@ -35,14 +36,14 @@ def nearest_image(difference, period):
 
 
 @njit(cache=True, inline="always")
-def nearest_images(dx, dy, dz, periodic):
-    """The differences of two places [m] to the nearest image; `periodic`: see Features."""
-    if periodic.ndim == 2:
-        dy = nearest_image(dy, periodic.flat[0])
-    if periodic.ndim == 3:
-        dx = nearest_image(dx, periodic.flat[0])
-        dy = nearest_image(dy, periodic.flat[1])
-        dz = nearest_image(dz, periodic.flat[2])
+def nearest_images(dx, dy, dz, features):
+    """The differences of two places [m] to the nearest image."""
+    if is_periodic(features):
+        dy = nearest_image(dy, features.periodic.flat[0])
+    if is_endless(features):
+        dx = nearest_image(dx, features.periodic.flat[0])
+        dy = nearest_image(dy, features.periodic.flat[1])
+        dz = nearest_image(dz, features.periodic.flat[2])
     return dx, dy, dz
 
 

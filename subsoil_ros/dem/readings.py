@@ -111,7 +111,7 @@ class SoilReadings:
     def angular_velocities_rad_per_s(self) -> np.ndarray:
         """(n, 3) angular velocities."""
         p = self.particles()
-        return p.spin[np.argsort(p.identity)].astype(np.float64)
+        return p.angular_velocity[np.argsort(p.identity)].astype(np.float64)
 
     def forces_newton(self) -> np.ndarray:
         """(n, 3) sum on each particle at the end of the last step, weight included."""
@@ -129,8 +129,8 @@ class SoilReadings:
         """(3,) momentum of all particles."""
         p = self.particles()
         if p.unequal:
-            return mass_sums(p.position, p.velocity, p.spin, p.mass, p.inertia)[2]
-        return self.mass_kg * motion_sums(p.position, p.velocity, p.spin)[3]
+            return mass_sums(p.kinematics, self._model.masses(p))[2]
+        return self.mass_kg * motion_sums(p.kinematics)[3]
 
     @property
     def lost_particles(self) -> tuple[LostParticle, ...]:
@@ -192,16 +192,9 @@ class SoilReadings:
         self._steps.take_boundaries()
         self._steps.flush_books()
         kinetic, gravity = self._steps.moving_joule()
-        p, walls = self.particles(), state.walls
-        at_walls = wall_scan(
-            walls.particle, walls.wall, state.domain.planes, p.position, walls.history,
-            model.radius_m, model.wall_law, model.mixture(p, model.wall_laws), model.features,
-        )[2]  # fmt: skip
-        mixture = model.mixture(p, model.tool_laws)
-        at_tools = sum(
-            tool.stored_joule(p, model.radius_m, model.tool_law, mixture, model.features)
-            for tool in state.tools
-        )
+        p = self.particles()
+        at_walls = wall_scan(state.walls, state.domain.planes, p.position, model.at_walls(p))[2]
+        at_tools = sum(tool.stored_joule(p, model.at_tools(p)) for tool in state.tools)
         sinks = state.sinks + sum((tool.sinks_joule for tool in state.tools), np.zeros_like(state.sinks))
         booked = dict(zip(model.soil.law.sinks, sinks.tolist(), strict=True))
         in_bonds = 0.0
@@ -229,10 +222,7 @@ class SoilReadings:
         """(3, 3) mean stress of an endless bed, compression positive, along x, y and z; without dampers."""
         model, state = self._model, self.whole_state()
         pairs, p = state.pairs, state.particles
-        total = pair_stress(
-            pairs.row_start, pairs.neighbour, p.position, pairs.history,
-            model.radius_m, model.wall_law, model.mixture(p, model.pair_laws), model.features,
-        )  # fmt: skip
+        total = pair_stress(pairs, p.position, *model.seen_at_pairs(p))
         if state.bonds is not None:
             total = total + state.bonds.sums(pairs, p.position)[1]
         return total / float(np.prod(self.bed.periods_m))

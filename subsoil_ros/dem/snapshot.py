@@ -15,17 +15,21 @@ Record = TypeVar("Record")
 
 
 def named(prefix: str, record: Any) -> dict[str, np.ndarray]:
-    """The arrays of a dataclass, under PREFIX.FIELD; not copied."""
-    return {f"{prefix}.{item.name}": getattr(record, item.name) for item in fields(record)}
+    """The arrays of a dataclass or NamedTuple, under PREFIX.FIELD; not copied."""
+    return {f"{prefix}.{name}": getattr(record, name) for name in _names(type(record))}
+
+
+def _names(kind: Any) -> tuple[str, ...]:
+    return getattr(kind, "_fields", None) or tuple(item.name for item in fields(kind))
 
 
 def from_named(kind: type[Record], prefix: str, arrays: Mapping[str, np.ndarray]) -> Record:
-    """The dataclass that `named` took apart; it keeps the arrays.
+    """What `named` took apart; it keeps the arrays.
 
     Raises:
         KeyError: an array is missing.
     """
-    return kind(**{item.name: arrays[f"{prefix}.{item.name}"] for item in fields(kind)})  # type: ignore[arg-type]
+    return kind(**{name: arrays[f"{prefix}.{name}"] for name in _names(kind)})
 
 
 def below(prefix: str, arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

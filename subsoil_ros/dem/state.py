@@ -69,9 +69,9 @@ class SoilState:
         self, tool: ToolSurface, by_group: np.ndarray, moment: np.ndarray, sums: np.ndarray, at: ToolMotion
     ) -> None:
         """Add the load of one soil step, see tools.forces.tool_forces, to a tool, which is then `at`."""
-        work = tool.felt.work_joule
-        tool.feel(by_group, moment, sums, at)
-        self.tool_work_joule -= tool.felt.work_joule - work
+        work = tool.load.work_joule
+        tool.add_load(by_group, moment, sums, at)
+        self.tool_work_joule -= tool.load.work_joule - work
 
     def arrays(self) -> dict[str, np.ndarray]:
         """The state as arrays, by name; not copied."""

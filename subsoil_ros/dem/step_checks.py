@@ -63,9 +63,9 @@ class StepChecks:
         """`tick_end`: the exchanged force is that of the last step; work is still summed over all."""
         if self._model.last_step_only:
             for tool in self._state.tools:
-                work = tool.felt.work_joule
+                work = tool.load.work_joule
                 tool.begin_tick()
-                tool.felt.work_joule = work
+                tool.load.work_joule = work
 
     def end(self, tick: int, step: int) -> None:
         """Run the checks of a step that is done, and the monitors when they are due.

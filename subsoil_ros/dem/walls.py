@@ -6,12 +6,13 @@ Forces are computed as those of pairs (dem.pairs): in blocks, gathered, along th
 import numpy as np
 from numba import njit, prange
 
-from ..contact_laws.base import SHARED_SINKS, SPRINGS
+from ..contact_laws.base import SHARED_SINKS, ContactMotion, ContactState
+from ..contact_laws.features import books_energy, is_unlike
 from ..contact_laws.springs import like
 from .blocks import BLOCK, ROW, history_place, scratch_rows
 from .compiled import inner_kernel
-from .contact import components, contact, kept_at, numbers_at, put_kept, reach, spring_energy
-from .mixture import sphere_of
+from .contact import components, contact, numbers_at, put_state, reach, spring_energy, state_at
+from .mixture import ContactModel, sphere_of
 from .pairs import stored_energy
 
 WALLS = ("near", "far", "right", "left", "floor")
@@ -20,7 +21,8 @@ CHUNKS = 16
 """Parts of the list that threads compute one by one."""
 
 _GATHERED = 10
-"""Scratch rows: distance of the centre, normal, velocity, spin. Results take their place: force, torque."""
+"""Scratch rows: distance of the centre, normal, linear and angular velocity. Results take their place: force,
+torque."""
 
 
 def wall_planes(
@@ -85,10 +87,10 @@ def carry_walls(order, old_particle, old_wall, old_history, particle, wall, hist
 
 
 @inner_kernel()
-def _gather(
-    first, last, particle, wall, planes, position, velocity, spin, rows, common_radius, common_law, mixture,
-    features,
-):  # fmt: skip
+def _gather(first, last, walls, planes, kinematics, model, rows_out):
+    particle, wall, rows = walls.particle, walls.wall, rows_out
+    position, velocity, angular_velocity = kinematics
+    law, mixture, features, _ = model
     for k in range(first, last):
         b, i, plane = np.uint64(k - first), particle[k], planes[wall[k]]
         nx, ny, nz = plane[0], plane[1], plane[2]
@@ -96,39 +98,39 @@ def _gather(
         rows[1, b], rows[2, b], rows[3, b] = nx, ny, nz
         for a in range(3):
             rows[4 + a, b] = velocity[i, a]
-            rows[7 + a, b] = spin[i, a]
-        if features.sizes.ndim == 2 or features.materials.ndim == 2:
-            rows[10, b], of_particle = sphere_of(i, common_radius, common_law, mixture, features)
+            rows[7 + a, b] = angular_velocity[i, a]
+        if is_unlike(features):
+            rows[10, b], of_particle = sphere_of(i, law, mixture, features)
             for a, number in enumerate(of_particle):
                 rows[11 + a, b] = number
 
 
 @inner_kernel(forceinline=True, fastmath={"contract"})
-def contact_at_wall(distance, normal, velocity, spin, radius, shear, roll, kept, step, law, features):
+def contact_at_wall(distance, motion, radius, state, step, law, features):
     """Contact of a particle whose centre is `distance` [m] from a wall, in reach or not.
 
-    normal: unit vector towards the wall; velocity [m/s] of the centre; the rest as in dem.pairs.
-    Returns 1 if it is in reach, else 0; force [N], torque [N m], shear, roll, sinks [J], kept; out of reach
+    motion: ContactMotion, with the velocity of the centre; the rest as in dem.pairs.
+    Returns 1 if it is in reach, else 0; force [N], torque [N m], ContactState, sinks [J]; out of reach
     as in dem.pairs.contact_of_pair.
     """
     zero, half, one = like(step, 0.0), like(step, 0.5), like(step, 1.0)
     farthest = reach(radius, law, features)
-    nx, ny, nz = normal
-    wx, wy, wz = spin
+    nx, ny, nz = motion.normal
+    wx, wy, wz = motion.angular_velocity
+    velocity = motion.velocity
     arm = half * (radius + distance)
     relative = (
         velocity[0] + arm * (wy * nz - wz * ny),
         velocity[1] + arm * (wz * nx - wx * nz),
         velocity[2] + arm * (wx * ny - wy * nx),
     )
-    f, m, s, r, kept, sinks = contact(
-        radius - distance, (nx, ny, nz), relative, (wx, wy, wz), shear, roll, kept, step, law, features
-    )
+    sliding = ContactMotion(motion.normal, relative, motion.angular_velocity)
+    f, m, new, sinks = contact(radius - distance, sliding, state, step, law, features)
     acts = one if distance < farthest else zero
     fx, fy, fz = acts * f[0], acts * f[1], acts * f[2]
     lost = zero
-    if features.book.ndim == 2:
-        lost = (one - acts) * spring_energy(zero, shear, roll, law)
+    if books_energy(features):
+        lost = (one - acts) * spring_energy(zero, state, law)
     return (
         acts,
         (fx, fy, fz),
@@ -137,73 +139,64 @@ def contact_at_wall(distance, normal, velocity, spin, radius, shear, roll, kept,
             arm * (nz * fx - nx * fz) + acts * m[1],
             arm * (nx * fy - ny * fx) + acts * m[2],
         ),
-        (acts * s[0], acts * s[1], acts * s[2]),
-        (acts * r[0], acts * r[1], acts * r[2]),
+        ContactState(
+            (acts * new.shear[0], acts * new.shear[1], acts * new.shear[2]),
+            (acts * new.rolling[0], acts * new.rolling[1], acts * new.rolling[2]),
+            new.own,
+        ),
         (acts * sinks[0], acts * sinks[1], acts * sinks[2], acts * sinks[3], acts * sinks[4] + lost)  # noqa: RUF005
         + sinks[SHARED_SINKS:],
-        kept,
     )
 
 
 @inner_kernel(fastmath={"contract"})
-def _compute(count, scratch, history, common_radius, step, common_law, features, book):
+def _compute(count, scratch, history, common_radius, step, common_law, features, book_out):
     """Replaces the states of `count` pairs by their forces and torques, and updates their histories."""
     law, radius = common_law, common_radius
     for b in range(count):
-        if features.sizes.ndim == 2 or features.materials.ndim == 2:
+        if is_unlike(features):
             radius = scratch[b + 10 * ROW]
             law = numbers_at(scratch, b + 11 * ROW, ROW, common_law)
-        acts, f, on_it, s, r, sinks, kept = contact_at_wall(
-            scratch[b],
+        motion = ContactMotion(
             (scratch[b + ROW], scratch[b + 2 * ROW], scratch[b + 3 * ROW]),
             (scratch[b + 4 * ROW], scratch[b + 5 * ROW], scratch[b + 6 * ROW]),
             (scratch[b + 7 * ROW], scratch[b + 8 * ROW], scratch[b + 9 * ROW]),
-            radius,
-            (history[b], history[b + BLOCK], history[b + 2 * BLOCK]),
-            (history[b + 3 * BLOCK], history[b + 4 * BLOCK], history[b + 5 * BLOCK]),
-            kept_at(history, b + SPRINGS * BLOCK, BLOCK, like(step, 1.0), law),
-            step,
-            law,
-            features,
         )
-        history[b], history[b + BLOCK], history[b + 2 * BLOCK] = s
-        history[b + 3 * BLOCK], history[b + 4 * BLOCK], history[b + 5 * BLOCK] = r
-        put_kept(kept, acts, history, b + SPRINGS * BLOCK, BLOCK)
+        acts, f, on_it, state, sinks = contact_at_wall(
+            scratch[b], motion, radius, state_at(history, b, BLOCK, law), step, law, features
+        )
+        put_state(state, acts, history, b, BLOCK)
         scratch[b], scratch[b + ROW], scratch[b + 2 * ROW] = f
         scratch[b + 3 * ROW], scratch[b + 4 * ROW], scratch[b + 5 * ROW] = on_it
-        if features.book.ndim == 2:
+        if books_energy(features):
             for a in range(SHARED_SINKS):
-                book[a] += sinks[a]
+                book_out[a] += sinks[a]
             for a in range(SHARED_SINKS, len(sinks)):
-                book[a] += acts * sinks[a]
+                book_out[a] += acts * sinks[a]
 
 
 @inner_kernel()
-def _part_forces(
-    first, last, particle, wall, planes, position, velocity, spin, force, torque, history,
-    radius, step, law, mixture, features, wall_force, book,
-):  # fmt: skip
-    """Pairs first <= k < last of the list. `book` (sinks,) gathers the sinks [J]."""
+def _part_forces(first, last, walls, planes, kinematics, model, loads_out, wall_force_out, book_out):
+    """Pairs first <= k < last of the list. `book_out` (sinks,) gathers the sinks [J]."""
+    law, mixture, features, step = model
+    force, torque = loads_out
     count = _GATHERED
-    if features.sizes.ndim == 2 or features.materials.ndim == 2:
+    if is_unlike(features):
         count += 1 + len(law)  # radius and law
-    flat = scratch_rows(count, history.dtype)
+    flat = scratch_rows(count, walls.history.dtype)
     rows = flat.reshape((count, ROW))
     start = first
     while start < last:
         stop = min(last, start - start % BLOCK + BLOCK)
-        _gather(
-            start, stop, particle, wall, planes, position, velocity, spin, rows, radius, law, mixture,
-            features,
-        )  # fmt: skip
-        own = history[history_place(start, components(law)) :]
-        _compute(stop - start, flat, own, radius, step, law, features, book)
+        _gather(start, stop, walls, planes, kinematics, model, rows)
+        own = walls.history[history_place(start, components(law)) :]
+        _compute(stop - start, flat, own, mixture.common_radius, step, law, features, book_out)
         for k in range(start, stop):
-            b, i = np.uint64(k - start), particle[k]
+            b, i = np.uint64(k - start), walls.particle[k]
             for a in range(3):
                 force[i, a] += rows[a, b]
                 torque[i, a] += rows[3 + a, b]
-                wall_force[k, a] = rows[a, b]
+                wall_force_out[k, a] = rows[a, b]
         start = stop
 
 
@@ -216,36 +209,34 @@ def _first_of_particle(k, particle):
 
 
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def wall_forces(
-    particle, wall, planes, position, velocity, spin, force, torque, history,
-    radius, step, law, mixture, features, wall_force, book,
-):  # fmt: skip
-    """Adds the forces of the walls. `wall_force` (w, 3) [N] receives that of each pair, `book`
-    (CHUNKS, sinks) gathers the sinks [J]. `mixture`: see pair_forces."""
-    count = particle.shape[0]
+def wall_forces(walls, planes, kinematics, law, mixture, features, step, loads_out, wall_force_out, book_out):
+    """Adds the forces of the walls, and updates their histories. `wall_force_out` (w, 3) [N] receives that of
+    each pair, `book_out` (CHUNKS, sinks) gathers the sinks [J]. law to step: ContactModel."""
+    count = walls.particle.shape[0]
     for chunk in prange(CHUNKS):
         _part_forces(
-            _first_of_particle(chunk * count // CHUNKS, particle),
-            _first_of_particle((chunk + 1) * count // CHUNKS, particle),
-            particle, wall, planes, position, velocity, spin, force, torque, history,
-            radius, step, law, mixture, features, wall_force, book[chunk],
+            _first_of_particle(chunk * count // CHUNKS, walls.particle),
+            _first_of_particle((chunk + 1) * count // CHUNKS, walls.particle),
+            walls, planes, kinematics, ContactModel(law, mixture, features, step),
+            loads_out, wall_force_out, book_out[chunk],
         )  # fmt: skip
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def wall_scan(particle, wall, planes, position, history, common_radius, common_law, mixture, features):
+def wall_scan(walls, planes, position, model):
     """Wall contacts in reach, largest overlap [m], stored energy [J]."""
+    common_law, mixture, features, _ = model
     contacts, largest, energy = 0, 0.0, 0.0
-    for k in range(particle.shape[0]):
-        i, plane = particle[k], planes[wall[k]]
-        radius, law = sphere_of(i, common_radius, common_law, mixture, features)
+    for k in range(walls.particle.shape[0]):
+        i, plane = walls.particle[k], planes[walls.wall[k]]
+        radius, law = sphere_of(i, common_law, mixture, features)
         overlap = radius - plane[3]
         for a in range(3):
             overlap += plane[a] * position[i, a]
         if overlap > -reach(0.0, law, features):
             contacts += 1
             largest = max(largest, overlap)
-            normal, springs = stored_energy(overlap, history, k, law, features)
+            normal, springs = stored_energy(overlap, walls.history, k, law, features)
             energy += normal
             energy += springs
     return contacts, largest, energy

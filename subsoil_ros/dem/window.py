@@ -119,13 +119,13 @@ class Window:
         held_before = p.identity[p.held]
         pairs = state.pairs
         none = np.full(new.count, pairs.row_start[-1])
-        pairs.row_start = np.concatenate((pairs.row_start, none))
+        state.pairs = pairs._replace(row_start=np.concatenate((pairs.row_start, none)))
         state.particles = p = p.joined(new)
         p.reorder(came_from)
         self._rear, self._front = rear, front
         p.held = field.held(p.identity, p.position[:, 0], rear, front)
         p.velocity[p.held] = 0.0
-        p.spin[p.held] = 0.0
+        p.angular_velocity[p.held] = 0.0
         self.enter(state)
         known = self.with_history
         host.rebuild(tuple(tool.last for tool in state.tools), came_from)

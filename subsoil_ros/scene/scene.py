@@ -229,11 +229,6 @@ def _check_spatial(scene: Scene) -> None:
                 f"{where}: {found}, and soil.model 'wedge' has theory for plates with a level edge only; use "
                 "soil.model: dem, or leave it out"
             )
-        if scene.particle_soil is not None and scene.particle_soil.device == "gpu":
-            raise ValueError(
-                f"{where}: leaves the plane of travel, which soil.device 'gpu' does not compute; use 'cpu', "
-                "or leave out speed_y_m_per_s, turn and poses"
-            )
 
 
 def _check_stop_when(scene: Scene, stop_when: StopWhen) -> None:

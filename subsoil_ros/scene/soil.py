@@ -195,10 +195,6 @@ class Soil(StrictModel):
                 f"window: is laid out from a tiled bed over a held floor, not from '{self.bed.kind}'"
                 f"{', floor plane' if isinstance(self.bed, TiledBed) else ''}; use bed: {{kind: tiled}}"
             )
-        if self.device != "cpu":
-            raise ValueError(
-                "device: 'gpu' does not compute a soil.window; use 'cpu', or leave the window out"
-            )
         for key in ("ahead_m", "behind_m"):
             if getattr(self.window, key) < self.bin.depth_m:
                 raise ValueError(
@@ -212,8 +208,6 @@ class Soil(StrictModel):
         """Check that bonded particles stay in the neighbour lists until their bond breaks."""
         if self.bonds is None:
             return self
-        if self.device != "cpu":
-            raise ValueError("device: 'gpu' does not compute soil.bonds; use 'cpu', or leave the bonds out")
         needed = (self.bonds.longest - 2.0) * self.particles.bounds_m[1]
         if needed > self.skin_m:
             raise ValueError(

@@ -42,7 +42,7 @@ NO_CONTACT = dict.fromkeys(LINEAR["particle"], 0.0) | {"stiffness_newton_per_m":
 def _bond(apart, relative, spin_i, spin_j, slip, turn, step, numbers):
     return bond_of_pair(
         (apart[0], apart[1], apart[2]), (relative[0], relative[1], relative[2]),
-        (spin_i[0], spin_i[1], spin_i[2]), (spin_j[0], spin_j[1], spin_j[2]),
+        ((spin_i[0], spin_i[1], spin_i[2]), (spin_j[0], spin_j[1], spin_j[2])),
         (LENGTH, RADIUS, 0.0, NORMAL, 0.0), 1.0, (slip[0], slip[1], slip[2]), (turn[0], turn[1], turn[2]),
         step, numbers,
     )  # fmt: skip
@@ -348,5 +348,3 @@ def test_bonds_that_outgrow_the_lists_are_refused(soil):
     """A bond must break before its particles leave the lists of neighbours."""
     with pytest.raises(Exception, match=r"skin_m: 0.003 m given; bonds reach over gaps of up to"):
         scene(soil, CEMENT | {"gap_over_radius": 0.4}, law={})
-    with pytest.raises(Exception, match=r"does not compute soil.bonds"):
-        scene(soil, CEMENT, "soil.device=gpu", law={})

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from subsoil_ros.contact_laws.base import YES, Features
+from subsoil_ros.contact_laws.base import YES, ContactMotion, ContactState, Features
 from subsoil_ros.contact_laws.cohesive_linear.law import CohesiveLinearFeatures, CohesiveLinearNumbers
 from subsoil_ros.contact_laws.hertz.law import HertzNumbers
 from subsoil_ros.dem.contact import contact, normal_potential, spring_energy
@@ -31,8 +31,9 @@ NONE = (0.0, 0.0, 0.0)
 
 def apply(overlap, velocity=NONE, spin=NONE, shear=NONE, roll=NONE, step=5e-5, law=LAW, features=ALL):
     """One call of the law."""
-    f, m, s, r, _, sinks = contact(overlap, NORMAL, velocity, spin, shear, roll, (), step, law, features)
-    return f, m, s, r, sinks
+    motion, state = ContactMotion(NORMAL, velocity, spin), ContactState(shear, roll, ())
+    f, m, (shear, roll, _), sinks = contact(overlap, motion, state, step, law, features)
+    return f, m, shear, roll, sinks
 
 
 def elastic(overlap):
@@ -69,7 +70,7 @@ def test_elastic_loop_work_is_zero_and_potential_is_its_integral():
     """In and out through all zones returns the work; the potential is minus the integral of the force."""
     overlap = np.linspace(-0.003, 0.006, 9001)
     force = np.array([elastic(o) for o in overlap])
-    potential = np.array([normal_potential(o, (), LAW, ALL) for o in overlap])
+    potential = np.array([normal_potential(o, ContactState(NONE, NONE, ()), LAW, ALL) for o in overlap])
     # the law is piecewise linear and its kinks are nodes: the trapezoid rule is exact
     work = np.concatenate(([0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(overlap))))
     assert_allclose(potential, work, atol=1e-12)
@@ -180,6 +181,6 @@ def test_a_spring_moved_under_changing_load_gives_no_energy(spring):
             released += sinks[4]
             assert sinks[4] >= 0.0
     assert released > 0.0
-    stored = spring_energy(overlap, shear, roll, law)
+    stored = spring_energy(overlap, ContactState(shear, roll, ()), law)
     # first order in the step: a quarter has 1000 of them
     assert_allclose(work - stored, released, rtol=0.01)

@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 from pydantic import ValidationError
 
-from subsoil_ros.contact_laws.base import YES, Features
+from subsoil_ros.contact_laws.base import YES, ContactMotion, ContactState, Features
 from subsoil_ros.contact_laws.elasto_plastic_adhesive.law import ElastoPlasticAdhesiveLaw
 from subsoil_ros.dem.contact import at_size, contact, normal_potential
 from subsoil_ros.limits.stable_steps import step_limits
@@ -50,17 +50,20 @@ def numbers_of(law):
     return pair, law.numbers_of(pair, 0.5 * RADIUS)
 
 
-def pressed(law, way, kept=(0.0, 0.0)):
+def at_rest(own=(0.0, 0.0)):
+    """State of a contact without springs."""
+    return ContactState(NONE, NONE, own)
+
+
+def pressed(law, way, own=(0.0, 0.0)):
     """Normal force [N], energy (n, 2) that yielding and adhesion took [J] and memory along overlaps `way`, at
     rest at each."""
-    force, booked = [], []
+    force, booked, motion, state = [], [], ContactMotion((1.0, 0.0, 0.0), NONE, NONE), at_rest(own)
     for overlap in way:
-        f, _, _, _, kept, sinks = contact(
-            overlap, (1.0, 0.0, 0.0), NONE, NONE, NONE, NONE, kept, STEP_S, law, FEATURES
-        )
+        f, _, state, sinks = contact(overlap, motion, state, STEP_S, law, FEATURES)
         force.append(-f[0])
         booked.append(sinks[5:])
-    return np.array(force), np.array(booked), kept
+    return np.array(force), np.array(booked), state.own
 
 
 def published(way, pair, n):
@@ -107,7 +110,7 @@ def test_every_branch_books_what_it_takes(exponent):
         kept, stored, found, booked, last = (0.0, 0.0), 0.0, [], [], 0.0
         for before, overlap in zip(np.r_[0.0, way], way, strict=False):
             force, taken, kept = pressed(law, [overlap], kept)
-            now = normal_potential(overlap, kept, law, FEATURES)
+            now = normal_potential(overlap, at_rest(kept), law, FEATURES)
             work = 0.5 * (last + force[0]) * (overlap - before)
             found.append(work - (now - stored) - taken.sum())
             booked.append(taken[0])
@@ -127,7 +130,7 @@ def test_a_loop_loses_what_its_triangle_holds():
     _, booked, kept = pressed(law, way)
     brought = 0.5 * pair.stiffness * 4e-4**2
     assert booked.sum(axis=0) == pytest.approx((0.75 * brought, 0.0), rel=1e-3)
-    assert normal_potential(0.0, kept, law, FEATURES) == 0.0
+    assert normal_potential(0.0, at_rest(kept), law, FEATURES) == 0.0
 
 
 @pytest.mark.parametrize("exponent", [1.0, 1.5])
@@ -160,9 +163,8 @@ def test_what_attracts_limits_friction_too():
     _, law = numbers_of(law_of(row))
     _, _, kept = pressed(law, [4e-4])
     overlap = kept[0]  # the spring is slack there
-    force, _, _, _, _, _ = contact(
-        overlap, (1.0, 0.0, 0.0), (0.0, 10.0, 0.0), NONE, NONE, NONE, kept, 1e-4, law, FEATURES
-    )
+    motion = ContactMotion((1.0, 0.0, 0.0), (0.0, 10.0, 0.0), NONE)
+    force, *_ = contact(overlap, motion, at_rest(kept), 1e-4, law, FEATURES)
     assert abs(force[0]) < 1e-9
     assert -force[1] == pytest.approx(0.5 * kept[1] * law.unloading_stiffness * overlap, rel=1e-6)
 

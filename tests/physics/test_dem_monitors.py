@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from subsoil_ros.cli.main import main
 from subsoil_ros.dem.build import build_engine
 from subsoil_ros.dem.monitors import MotionSums, half_step_sums, refuse_lost_numbers
-from subsoil_ros.dem.particles import Particles
+from subsoil_ros.dem.particles import Kinematics, Loads, Masses, Particles
 from subsoil_ros.errors import InputError, PhysicsError, SceneError
 from subsoil_ros.messages import SoilState
 from subsoil_ros.recording.bag_reader import BagReader
@@ -43,20 +43,21 @@ def shaken(scene):
 def test_alternation_of_equal_opposite_and_growing_motions():
     """0 for a steady motion, 1 for one that reverses; of (u, w) half a step before and after, in between:
     ((w - u) / 2)^2 over it plus ((w + u) / 2)^2."""
-    mass, inertia, step = 0.5, 0.25, 0.125
+    masses = mass, inertia = Masses(0.5, 0.25)
+    step = 0.125
     place, still = np.zeros((4, 3)), np.zeros((4, 3))
     before = np.random.default_rng(1).normal(size=(4, 3))
 
     def velocity_reversal(after):
         spin, torque = 0.5 * (before + after), inertia * (after - before) / step
         return MotionSums(
-            *half_step_sums(place, still, spin, still, torque, mass, inertia, step)
+            *half_step_sums(Kinematics(place, still, spin), Loads(still, torque), masses, step)
         ).velocity_reversal
 
     assert velocity_reversal(before) == 0.0
     assert velocity_reversal(-before) == 1.0
     assert velocity_reversal(0.5 * before) == pytest.approx(0.25**2 / (0.25**2 + 0.75**2))
-    of_velocity = half_step_sums(place, still, still, mass * before, still, mass, inertia, step)
+    of_velocity = half_step_sums(Kinematics(place, still, still), Loads(mass * before, still), masses, step)
     assert MotionSums(*of_velocity).velocity_reversal == 1.0
     assert_allclose(of_velocity[1], (0.5 * step * before) ** 2 @ np.ones(3) @ np.ones(4))
 
@@ -108,7 +109,7 @@ def test_a_deep_overlap_of_two_particles_is_stopped(soil):
         run(engine, 100)
 
 
-@pytest.mark.parametrize("part", ["position", "velocity", "spin"])
+@pytest.mark.parametrize("part", ["position", "velocity", "angular_velocity"])
 def test_what_is_no_number_is_named_by_its_particle(part):
     """Also a spin, which moves no particle: identity, state, last force."""
     particles = Particles.at_rest(np.zeros((3, 3)), np.array([7, 5, 6]), np.float64)

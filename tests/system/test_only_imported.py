@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from subsoil_ros.contact_laws.base import NO, YES
+from subsoil_ros.contact_laws.base import NO, YES, ContactMotion, ContactState
 from subsoil_ros.contact_laws.cohesive_linear.law import CohesiveLinearFeatures, CohesiveLinearLaw
 from subsoil_ros.coupling.engines import build_mechanism, build_soil
 from subsoil_ros.coupling.protocol import participants
@@ -170,7 +170,8 @@ def instructions(features: CohesiveLinearFeatures) -> int:
     @njit(error_model="numpy")
     def one(overlap, law, features):
         vector = (overlap, 0.5 * overlap, 0.25 * overlap)
-        return contact(overlap, (1.0, 0.0, 0.0), vector, vector, vector, vector, (), 1e-5, law, features)
+        motion, state = ContactMotion((1.0, 0.0, 0.0), vector, vector), ContactState(vector, vector, ())
+        return contact(overlap, motion, state, 1e-5, law, features)
 
     one(0.001, law, features)
     (code,) = one.inspect_asm().values()

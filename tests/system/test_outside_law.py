@@ -122,7 +122,7 @@ def test_the_law_of_the_page_has_the_restitution_of_its_closed_form(installed: P
     assert again["restitution"] == first["restitution"]
     kernel = installed / "hysteretic" / "kernel.py"
     text = kernel.read_text()
-    kernel.write_text(text.replace("plastic = max(kept[0],", "plastic = zero * max(kept[0],"))
+    kernel.write_text(text.replace("plastic = max(before,", "plastic = zero * max(before,"))
     edited = collided(installed)
     kernel.write_text(text)
     assert edited["misses"] == 1

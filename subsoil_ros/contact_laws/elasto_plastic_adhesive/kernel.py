@@ -8,7 +8,9 @@ could bear; on the branch -q k2 h the plastic overlap shrinks with h, and loadin
 
 import math
 
-from ..springs import contact_with_springs, energy_of_springs, law_kernel, like
+from ..base import ContactState
+from ..features import books_energy
+from ..springs import contact_with_springs, energy_of_springs, law_kernel, like, overlap_rate
 from .law import ElastoPlasticAdhesiveNumbers
 
 _TINY = 1e-30
@@ -41,58 +43,60 @@ def _elastic(overlap, plastic, law):
     return law.unloading_stiffness * (part * (near * up - plastic * down) - down * (near - plastic))
 
 
-def contact(overlap, normal, velocity, spin, shear, roll, kept, step, law, features):
+def contact(overlap, motion, state, step, law, features):
     """See dem.contact.contact."""
     zero, half, one = like(overlap, 0.0), like(overlap, 0.5), like(overlap, 1.0)
-    nx, ny, nz = normal
-    ux, uy, uz = velocity
-    overlap_rate = ux * nx + uy * ny + uz * nz
+    nx, ny, nz = motion.normal
+    rate = overlap_rate(motion)
     near = max(overlap, zero)
     grown = _rooted(near, law)
     height = law.unloading_stiffness * near * grown
 
+    old_plastic, old_ratio = state.own
     virgin = law.plastic_part * near
-    plastic = max(virgin, kept[0])
+    plastic = max(virgin, old_plastic)
     yielded = law.unloading_stiffness * plastic * _rooted(plastic, law)
     attraction = min(law.adhesion_root * math.sqrt(plastic), half * yielded)
     ratio = attraction / max(yielded - attraction, like(overlap, _TINY))
-    ratio = ratio if virgin > kept[0] else kept[1]
+    ratio = ratio if virgin > old_plastic else old_ratio
     pulled = ratio * height
     spring = max(height - yielded, -pulled)
     wider = _power_of(one + ratio, law)  # plastic overlap over the overlap where the spring begins to pull so
     plastic = near * wider if height - yielded < -pulled else plastic
 
-    before = _rooted(max(overlap - step * overlap_rate, zero), law)
-    damped = max(law.damping * math.sqrt(grown) * overlap_rate, -max(spring, zero))  # it never pulls
+    before = _rooted(max(overlap - step * rate, zero), law)
+    damped = max(law.damping * math.sqrt(grown) * rate, -max(spring, zero))  # it never pulls
     force_n = spring - law.pull_off + damped
     pressing = max(force_n + (pulled + law.pull_off), zero)
     push = -force_n * nx, -force_n * ny, -force_n * nz
-    f, m, s, r, lost = contact_with_springs(
-        push, pressing, overlap_rate, normal, velocity, spin, shear, roll, step, law, features, grown, before
+    f, m, shear, rolling, lost = contact_with_springs(
+        push, pressing, motion, state, step, law, features, grown, before
     )
     yielding = adhesion = zero
-    if features.book.ndim == 2:  # the integral of k2 (overlap - p) d(p^n) along the two branches
-        moved = plastic * plastic * _rooted(plastic, law) - kept[0] * kept[0] * _rooted(kept[0], law)
+    if books_energy(features):  # the integral of k2 (overlap - p) d(p^n) along the two branches
+        moved = plastic * plastic * _rooted(plastic, law) - old_plastic * old_plastic * _rooted(
+            old_plastic, law
+        )
         grows = (one - law.plastic_part) / max(law.plastic_part, like(overlap, _TINY))
         shrinks = one / wider - one
         part = like(overlap, 0.6) if law.hertzian > zero else half  # n / (n + 1)
         taken = part * law.unloading_stiffness * moved
         yielding = max(taken * grows, zero)
         adhesion = max(-taken, zero) * -shrinks
-    dashpot = damped * overlap_rate * step
+    dashpot = damped * rate * step
     sinks = (dashpot, lost[0], lost[1], lost[2], lost[3], yielding, adhesion)
-    return f, m, s, r, (plastic, ratio), sinks
+    return f, m, ContactState(shear, rolling, (plastic, ratio)), sinks
 
 
-def normal_potential(overlap, kept, law, features):
+def normal_potential(overlap, state, law, features):
     """See dem.contact.normal_potential."""
     near = max(overlap, 0.0)
-    return _elastic(near, kept[0], law) - near * law.pull_off if overlap > 0.0 else 0.0
+    return _elastic(near, state.own[0], law) - near * law.pull_off if overlap > 0.0 else 0.0
 
 
-def spring_energy(overlap, shear, roll, law):
+def spring_energy(overlap, state, law):
     """See dem.contact.spring_energy."""
-    return energy_of_springs(_rooted(max(overlap, like(overlap, 0.0)), law), shear, roll, law)
+    return energy_of_springs(_rooted(max(overlap, like(overlap, 0.0)), law), state, law)
 
 
 def reach(touch, law, features):

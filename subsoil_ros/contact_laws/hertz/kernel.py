@@ -2,38 +2,38 @@
 
 import math
 
-from ..springs import contact_with_springs, energy_of_springs, like
+from ..base import ContactState
+from ..springs import contact_with_springs, energy_of_springs, like, overlap_rate
 from .law import HertzNumbers
 
 
-def contact(overlap, normal, velocity, spin, shear, roll, kept, step, law, features):
+def contact(overlap, motion, state, step, law, features):
     """See dem.contact.contact."""
     zero = like(overlap, 0.0)
-    nx, ny, nz = normal
-    ux, uy, uz = velocity
-    overlap_rate = ux * nx + uy * ny + uz * nz
+    nx, ny, nz = motion.normal
+    rate = overlap_rate(motion)
     force_n = law.stiffness * math.sqrt(max(overlap, zero)) * overlap
-    damped = law.damping * overlap_rate
+    damped = law.damping * rate
     grown = math.sqrt(max(overlap, zero))
-    before = math.sqrt(max(overlap - step * overlap_rate, zero))
+    before = math.sqrt(max(overlap - step * rate, zero))
     damped *= math.sqrt(grown)
     force_n += damped
     push = -force_n * nx, -force_n * ny, -force_n * nz
-    f, m, s, r, lost = contact_with_springs(
-        push, max(zero, force_n), overlap_rate, normal, velocity, spin, shear, roll, step, law, features,
-        grown, before,
-    )  # fmt: skip
-    return f, m, s, r, kept, (damped * overlap_rate * step, lost[0], lost[1], lost[2], lost[3])
+    f, m, shear, rolling, lost = contact_with_springs(
+        push, max(zero, force_n), motion, state, step, law, features, grown, before
+    )
+    sinks = (damped * rate * step, lost[0], lost[1], lost[2], lost[3])
+    return f, m, ContactState(shear, rolling, state.own), sinks
 
 
-def normal_potential(overlap, kept, law, features):
+def normal_potential(overlap, state, law, features):
     """See dem.contact.normal_potential."""
     return 0.4 * law.stiffness * max(overlap, 0.0) ** 2.5
 
 
-def spring_energy(overlap, shear, roll, law):
+def spring_energy(overlap, state, law):
     """See dem.contact.spring_energy."""
-    return energy_of_springs(math.sqrt(max(overlap, like(overlap, 0.0))), shear, roll, law)
+    return energy_of_springs(math.sqrt(max(overlap, like(overlap, 0.0))), state, law)
 
 
 def reach(touch, law, features):

@@ -2,37 +2,37 @@
 
 import math
 
-from ..springs import contact_with_springs, energy_of_springs, like
+from ..base import ContactState
+from ..springs import contact_with_springs, energy_of_springs, like, overlap_rate
 from .law import LinearNumbers
 
 
-def contact(overlap, normal, velocity, spin, shear, roll, kept, step, law, features):
+def contact(overlap, motion, state, step, law, features):
     """See dem.contact.contact."""
     zero, one = like(overlap, 0.0), like(overlap, 1.0)
-    nx, ny, nz = normal
-    ux, uy, uz = velocity
-    overlap_rate = ux * nx + uy * ny + uz * nz
+    nx, ny, nz = motion.normal
+    rate = overlap_rate(motion)
     force_n = law.stiffness * max(overlap, zero)
-    damped = law.damping * overlap_rate
+    damped = law.damping * rate
     damped = damped if overlap > zero else zero
     force_n += damped
     push = -force_n * nx, -force_n * ny, -force_n * nz
-    f, m, s, r, lost = contact_with_springs(
-        push, max(force_n, zero), overlap_rate, normal, velocity, spin, shear, roll, step, law, features,
-        one, one,
-    )  # fmt: skip
-    return f, m, s, r, kept, (damped * overlap_rate * step, lost[0], lost[1], lost[2], lost[3])
+    f, m, shear, rolling, lost = contact_with_springs(
+        push, max(force_n, zero), motion, state, step, law, features, one, one
+    )
+    sinks = (damped * rate * step, lost[0], lost[1], lost[2], lost[3])
+    return f, m, ContactState(shear, rolling, state.own), sinks
 
 
-def normal_potential(overlap, kept, law, features):
+def normal_potential(overlap, state, law, features):
     """See dem.contact.normal_potential."""
     loaded = max(overlap, 0.0)
     return 0.5 * law.stiffness * loaded * loaded
 
 
-def spring_energy(overlap, shear, roll, law):
+def spring_energy(overlap, state, law):
     """See dem.contact.spring_energy."""
-    return energy_of_springs(like(overlap, 1.0), shear, roll, law)
+    return energy_of_springs(like(overlap, 1.0), state, law)
 
 
 def reach(touch, law, features):

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...contact_laws.base import Features
+from ...contact_laws.features import is_endless, is_periodic
 from ...scene.pair_laws import particle_mass_kg
 from ...scene.soil import Soil
 from ..blocks import history_blocks, history_places
@@ -86,6 +87,14 @@ class BondList:
             setattr(self, name, counts[np.minimum(order, known)])
         self.book = np.zeros((len(pairs.slab_start) - 1, len(SINKS)))
 
+    def take(self, state: np.ndarray, counts: np.ndarray, slabs: int) -> None:
+        """Go on from a state of the listed pairs, and the numbers made and broken of each particle before the
+        lists were built, (n, 2), of another device."""
+        self.state, self.book = state, np.zeros((slabs, len(SINKS)))
+        before = int(self.broken.sum())
+        self.made, self.broken = np.ascontiguousarray(counts[:, 0]), np.ascontiguousarray(counts[:, 1])
+        self.broken_count += (int(self.broken.sum()) - before) // 2
+
     def add(self, pairs: PairList, p: Particles, laid_out_m: np.ndarray) -> None:
         """Make the bonds of particles that are new, between those that were laid out (n, 3) near enough."""
         known, self.known = self.known, int(p.identity.max(initial=-1)) + 1
@@ -93,9 +102,9 @@ class BondList:
         place = np.flatnonzero(np.maximum(p.identity[first], p.identity[second]) >= known)
         first, second = first[place], second[place]
         apart = laid_out_m[second] - laid_out_m[first]
-        if self._features.periodic.ndim == 2:
+        if is_periodic(self._features):
             apart[:, 1] -= _images(apart[:, 1], self._features.periodic)
-        elif self._features.periodic.ndim == 3:
+        elif is_endless(self._features):
             apart -= _images(apart, self._features.periodic[0])
         length = np.linalg.norm(apart, axis=1)
         radius = p.radius if p.unequal else np.full(p.count, self._soil.particles.mean_volume_radius_m)
@@ -138,13 +147,13 @@ class BondList:
     def sums(self, pairs: PairList, position: np.ndarray) -> tuple[float, np.ndarray]:
         """Stored energy [J], and force times distance (3, 3) [N m], compression positive."""
         arrays = self.kernel_arrays()
-        stored, total = bond_sums(pairs.row_start, pairs.neighbour, position, arrays, self._features)
+        stored, total = bond_sums(pairs, position, arrays, self._features)
         return float(stored), total
 
     def stretch(self, pairs: PairList, position: np.ndarray, strain: np.ndarray) -> None:
         """Update slips and turns after the bed was stretched by `strain` (3,)."""
         arrays = self.kernel_arrays()
-        stretch_bonds(pairs.row_start, pairs.neighbour, position, arrays, strain, self._features)
+        stretch_bonds(pairs, position, arrays, strain, self._features)
 
 
 def _ends(pairs: PairList) -> tuple[np.ndarray, np.ndarray]:

@@ -20,6 +20,7 @@ from numba import njit
 from numba.extending import overload
 
 from ...contact_laws.base import NO
+from ...contact_laws.features import books_energy, is_unlike
 from ...contact_laws.inverse_root import inverse_root
 from ...contact_laws.springs import like
 from ..blocks import BLOCK, ROW, history_place
@@ -67,8 +68,7 @@ class BondArrays(NamedTuple):
 
 def kept_count(features: Any) -> int:
     """Numbers kept of a pair."""
-    unlike = features.sizes.ndim == 2 or features.materials.ndim == 2
-    return len(STATE) + len(SHAPE) if unlike else len(STATE)
+    return len(STATE) + len(SHAPE) if is_unlike(features) else len(STATE)
 
 
 @njit(forceinline=True, error_model="numpy", fastmath={"contract"})
@@ -83,11 +83,12 @@ def _carried(vector, turned):
 
 
 @inner_kernel(forceinline=True, fastmath={"contract"})
-def bond_of_pair(apart, relative, spin_i, spin_j, shape, whole, slip, turn, step, law):
+def bond_of_pair(apart, relative, angular_velocities, shape, whole, slip, turn, step, law):
     """Forces of one bond after a step with these velocities.
 
-    apart [m]: x_j - x_i; relative [m/s]: v_i - v_j of the centres; spins [rad/s]; shape: length without
-    force, radius, half the radius of i less that of j [m], stiffness [N/m], damper [N s/m].
+    apart [m]: x_j - x_i; relative [m/s]: v_i - v_j of the centres; angular_velocities [rad/s] of i and j;
+    shape: length without force, radius, half the radius of i less that of j [m], stiffness [N/m], damper
+    [N s/m].
     Returns 1 if it is still whole, else 0; force on i [N]; torques on i and on j [N m]; slip, turn; stored
     energy [J], before it is lost with a bond that breaks; loss of the dashpots [W].
     """
@@ -100,8 +101,8 @@ def bond_of_pair(apart, relative, spin_i, spin_j, shape, whole, slip, turn, step
     distance = squared * inverse
     nx, ny, nz = dx * inverse, dy * inverse, dz * inverse
     rx, ry, rz = relative
-    wx, wy, wz = spin_i
-    ox, oy, oz = spin_j
+    wx, wy, wz = angular_velocities[0]
+    ox, oy, oz = angular_velocities[1]
     # axis half way through the step: what turns as a rigid body then keeps slip and turn to second order
     middle = half * step * inverse
     hx, hy, hz = nx + middle * rx, ny + middle * ry, nz + middle * rz
@@ -180,15 +181,15 @@ def bond_of_pair(apart, relative, spin_i, spin_j, shape, whole, slip, turn, step
 
 
 @inner_kernel(forceinline=True)
-def _shape_of(state, b, bonds, features):
-    """Shape of the bond b of a block, for bond_of_pair."""
-    if features.sizes.ndim == 2 or features.materials.ndim == 2:
-        first = b + len(STATE) * BLOCK
+def shape_at(state, start, stride, bonds, features):
+    """Shape of a bond for bond_of_pair; its numbers are every stride-th of `state` (n,) from `start` on."""
+    if is_unlike(features):
+        first = start + len(STATE) * stride
         return (
-            abs(state[b]), state[first], state[first + BLOCK], state[first + 2 * BLOCK],
-            state[first + 3 * BLOCK],
+            abs(state[start]), state[first], state[first + stride], state[first + 2 * stride],
+            state[first + 3 * stride],
         )  # fmt: skip
-    return abs(state[b]), bonds.radius, like(bonds.radius, 0.0), bonds.stiffness, bonds.damper
+    return abs(state[start]), bonds.radius, like(bonds.radius, 0.0), bonds.stiffness, bonds.damper
 
 
 @inner_kernel(fastmath={"contract"})
@@ -201,9 +202,11 @@ def _compute(count, scratch, results, state, step, bonds, features, book):
         acts, f, on_i, on_j, slip, turn, stored, lost = bond_of_pair(
             (scratch[b], scratch[b + ROW], scratch[b + 2 * ROW]),
             (scratch[b + 3 * ROW], scratch[b + 4 * ROW], scratch[b + 5 * ROW]),
-            (scratch[b + 6 * ROW], scratch[b + 7 * ROW], scratch[b + 8 * ROW]),
-            (scratch[b + 9 * ROW], scratch[b + 10 * ROW], scratch[b + 11 * ROW]),
-            _shape_of(state, b, bonds, features),
+            (
+                (scratch[b + 6 * ROW], scratch[b + 7 * ROW], scratch[b + 8 * ROW]),
+                (scratch[b + 9 * ROW], scratch[b + 10 * ROW], scratch[b + 11 * ROW]),
+            ),
+            shape_at(state, b, BLOCK, bonds, features),
             whole,
             (state[b + BLOCK], state[b + 2 * BLOCK], state[b + 3 * BLOCK]),
             (state[b + 4 * BLOCK], state[b + 5 * BLOCK], state[b + 6 * BLOCK]),
@@ -216,14 +219,14 @@ def _compute(count, scratch, results, state, step, bonds, features, book):
         results[b], results[b + ROW], results[b + 2 * ROW] = f
         results[b + 3 * ROW], results[b + 4 * ROW], results[b + 5 * ROW] = on_i
         results[b + 6 * ROW], results[b + 7 * ROW], results[b + 8 * ROW] = on_j
-        if features.book.ndim == 2:
+        if books_energy(features):
             book[0] += step * lost
             book[1] += (whole - acts) * stored
 
 
 def bond_rows(bonds):
     """Scratch rows that bonds need."""
-    raise NotImplementedError("compiled code only")
+    return 0 if isinstance(bonds, NoBonds) else _RESULTS
 
 
 @overload(bond_rows, inline="always")
@@ -236,50 +239,50 @@ def _bond_rows(bonds):
 _here = {"forceinline": True, "error_model": "numpy"}
 
 
+def _put(count, pair, scratch, results, slab, step, bonds, features):
+    kept = len(STATE) + len(SHAPE) if is_unlike(features) else len(STATE)
+    own = bonds.state[history_place(pair, kept) :]
+    _compute(count, scratch, results, own, step, bonds, features, bonds.book[slab])
+
+
 def put_bonds(count, pair, scratch, results, slab, step, bonds, features):
     """Writes the bond forces of the pairs of a block, from `pair` on, into `results`, rows of their own."""
-    raise NotImplementedError("compiled code only")
+    if not isinstance(bonds, NoBonds):
+        _put(count, pair, scratch, results, slab, step, bonds, features)
 
 
 @overload(put_bonds, jit_options=_here)
 def _put_bonds(count, pair, scratch, results, slab, step, bonds, features):
     if bonds.instance_class is NoBonds:
         return lambda count, pair, scratch, results, slab, step, bonds, features: None
+    return _put
 
-    def compiled(count, pair, scratch, results, slab, step, bonds, features):
-        unlike = features.sizes.ndim == 2 or features.materials.ndim == 2
-        kept = len(STATE) + len(SHAPE) if unlike else len(STATE)
-        own = bonds.state[history_place(pair, kept) :]
-        _compute(count, scratch, results, own, step, bonds, features, bonds.book[slab])
 
-    return compiled
+def _add(count, scratch, results, bonds):
+    for b in range(count):
+        for row in range(_RESULTS):
+            scratch[b + row * ROW] += results[b + row * ROW]
 
 
 def add_bonds(count, scratch, results, bonds):
     """Adds the results of put_bonds to those of the contacts."""
-    raise NotImplementedError("compiled code only")
+    if not isinstance(bonds, NoBonds):
+        _add(count, scratch, results, bonds)
 
 
 @overload(add_bonds, jit_options=_here)
 def _add_bonds(count, scratch, results, bonds):
     if bonds.instance_class is NoBonds:
         return lambda count, scratch, results, bonds: None
-
-    def compiled(count, scratch, results, bonds):
-        for b in range(count):
-            for row in range(_RESULTS):
-                scratch[b + row * ROW] += results[b + row * ROW]
-
-    return compiled
+    return _add
 
 
 @njit(cache=True, error_model="numpy")
-def bond_sums(row_start, neighbour, position, bonds, features):
+def bond_sums(pairs, position, bonds, features):
     """Stored energy [J], and force times distance (3, 3) [N m], compression positive, of all bonds."""
-    total, stored = np.zeros((3, 3)), 0.0
+    row_start, neighbour, total, stored = pairs.row_start, pairs.neighbour, np.zeros((3, 3)), 0.0
     still, state = (0.0, 0.0, 0.0), bonds.state
-    unlike = features.sizes.ndim == 2 or features.materials.ndim == 2
-    kept = len(STATE) + len(SHAPE) if unlike else len(STATE)
+    kept = len(STATE) + len(SHAPE) if is_unlike(features) else len(STATE)
     for i in range(row_start.shape[0] - 1):
         for k in range(row_start[i], row_start[i + 1]):
             j, h = neighbour[k], history_place(k, kept)
@@ -289,10 +292,10 @@ def bond_sums(row_start, neighbour, position, bonds, features):
                 position[j, 0] - position[i, 0],
                 position[j, 1] - position[i, 1],
                 position[j, 2] - position[i, 2],
-                features.periodic,
+                features,
             )
             found = bond_of_pair(
-                apart, still, still, still, _shape_of(state, h, bonds, features), 1.0,
+                apart, still, (still, still), shape_at(state, h, BLOCK, bonds, features), 1.0,
                 (state[h + BLOCK], state[h + 2 * BLOCK], state[h + 3 * BLOCK]),
                 (state[h + 4 * BLOCK], state[h + 5 * BLOCK], state[h + 6 * BLOCK]), 0.0, bonds,
             )  # fmt: skip
@@ -304,11 +307,10 @@ def bond_sums(row_start, neighbour, position, bonds, features):
 
 
 @njit(cache=True, error_model="numpy")
-def stretch_bonds(row_start, neighbour, position, bonds, strain, features):
+def stretch_bonds(pairs, position, bonds, strain, features):
     """Updates slips and turns as dem.homogeneous.stretch_springs does the springs of contacts."""
-    state = bonds.state
-    unlike = features.sizes.ndim == 2 or features.materials.ndim == 2
-    kept = len(STATE) + len(SHAPE) if unlike else len(STATE)
+    row_start, neighbour, state = pairs.row_start, pairs.neighbour, bonds.state
+    kept = len(STATE) + len(SHAPE) if is_unlike(features) else len(STATE)
     for i in range(row_start.shape[0] - 1):
         for k in range(row_start[i], row_start[i + 1]):
             j, h = neighbour[k], history_place(k, kept)
@@ -316,7 +318,7 @@ def stretch_bonds(row_start, neighbour, position, bonds, strain, features):
                 position[j, 0] - position[i, 0],
                 position[j, 1] - position[i, 1],
                 position[j, 2] - position[i, 2],
-                features.periodic,
+                features,
             )
             ex, ey, ez = strain[0] * dx, strain[1] * dy, strain[2] * dz
             inverse = 1.0 / (dx * dx + dy * dy + dz * dz)

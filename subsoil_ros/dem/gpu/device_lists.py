@@ -10,17 +10,20 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
+from ..bonds.kernel import PARITY, kept_count
 from ..model import SoilModel
 from ..neighbours import CellGrid
-from ..particles import PairList, Particles, ToolList, WallList
+from ..particles import Masses, Particles, ToolList
 from ..state import SoilState
-from ..tools.facets import Facets
+from ..tools.motion import PLANAR, Motion
 from .arrays import Rows, Tool, ToolRows, WallRows
 from .convert import full_rows, wall_rows
 from .device import WARP, Launches, Mirror, blocks, on_device, room_for
 from .lists import (
     OnDevice,
+    Reach,
     clear,
+    count_bonds,
     find_cells,
     find_near_tool,
     find_near_walls,
@@ -47,15 +50,14 @@ class _Side:
     rows: Rows
     walls: WallRows
     tools: list[ToolRows]
+    bond_counts: Any  # (n, 2) int32, made and broken of each particle; one row without bonds
     launches: dict[str, Launches] = field(default_factory=dict)  # by name, as long as the arrays stay
 
 
 class DeviceLists:
     """Particles, neighbour lists, and what is near walls and tools."""
 
-    def __init__(
-        self, model: SoilModel, state: SoilState, grid: CellGrid, tools: list[tuple[Facets, int]]
-    ) -> None:
+    def __init__(self, model: SoilModel, state: SoilState, grid: CellGrid) -> None:
         self._model, self.grid = model, grid
         particles = state.particles
         self.stream = cuda.stream()
@@ -64,13 +66,21 @@ class DeviceLists:
         kind = model.precision
         # as many as are near five sides of a cube; enlarged when needed, for walls and tools
         near = min(n, room_for(int(8 * n ** (2 / 3))))
-        self._tools = [Tool(facets, groups, near) for facets, groups in tools]
+        tools, sums = state.tools, len(state.sinks) + 2
+        self._tools = [Tool(tool.facets, len(tool.mesh.groups), sums, near) for tool in tools]
+        self._components = len(model.parity)  # numbers of a contact, and of its bond behind them
+        self._bonded = state.bonds is not None
+        self._bond_numbers = kept_count(model.features) if self._bonded else 0
+        parity = np.concatenate((model.parity, PARITY[: self._bond_numbers]))
+        self._parity = cuda.to_device(parity.astype(kind))
+        self._rolling_numbers = 3 + len(model.soil.law.kept)
         self._sides = [
             _Side(
                 self._empty_particles(n, kind),
-                Rows.empty(n, room_for(_PARTNERS * n), kind),
-                WallRows.empty(n, near),
-                [ToolRows.empty(n, near, 4 * near) for _ in tools],
+                Rows.empty(n, room_for(_PARTNERS * n), len(parity), kind),
+                WallRows.empty(n, near, self._components),
+                [ToolRows.empty(n, near, 4 * near, self._rolling_numbers) for _ in tools],
+                cuda.to_device(np.zeros((n if self._bonded else 1, 2), np.int32)),
             )
             for _ in range(2)
         ]
@@ -85,7 +95,8 @@ class DeviceLists:
         self._first_facet = cuda.device_array(n + 1, np.int64)
         self._sizes = cuda.to_device(np.zeros(2 + 2 * len(tools), np.int64))
         self._planes = cuda.to_device(state.domain.planes)
-        self._poses = [Mirror((4,), self.stream) for _ in tools]
+        self._nobody = cuda.to_device(np.zeros(1, np.bool_))
+        self._poses = [Mirror((1, *form_of(tool.kernel_motion(tool.last))), self.stream) for tool in tools]
         self.put_particles(particles)
         self._forget()
 
@@ -96,7 +107,7 @@ class DeviceLists:
         return OnDevice(
             position=cuda.device_array((n, 3), np.float64),
             velocity=vectors[0],
-            spin=vectors[1],
+            angular_velocity=vectors[1],
             force=vectors[2],
             torque=vectors[3],
             built_position=cuda.device_array((n, 3), np.float32),
@@ -127,11 +138,11 @@ class DeviceLists:
                 array.copy_to_device(np.ascontiguousarray(given), stream=self.stream)
         self.stream.synchronize()
 
-    def _masses(self, particles: OnDevice) -> tuple[Any, Any]:
-        model = self._model
+    def _masses(self, particles: OnDevice) -> Masses:
+        p, model = particles, self._model
         if self._unequal:
-            return particles.mass, particles.inertia
-        return model.mass_kg, model.inertia_kg_m2
+            return Masses(p.mass, p.inertia)  # type: ignore[arg-type]
+        return Masses(model.mass_kg, model.inertia_kg_m2)
 
     def _radius(self, particles: OnDevice) -> Any:
         return particles.radius if self._unequal else self._model.radius_m
@@ -143,11 +154,14 @@ class DeviceLists:
             fill(side.launches.setdefault(name, Launches(self.stream)))
         side.launches[name].run()
 
-    def rebuild(self, poses: Sequence[tuple[float, ...]]) -> None:
-        """Sort particles into cells and rebuild all lists, with tools at poses (tools, 4): x, z [m],
-        cosine, sine."""
-        for mirror, pose in zip(self._poses, poses, strict=True):
-            mirror.here[:] = pose
+    def _size(self, k: int) -> Any:
+        """One of `sizes`, for a kernel."""
+        return self._sizes[k : k + 1]
+
+    def rebuild(self, motions: Sequence[Motion]) -> None:
+        """Sort particles into cells and rebuild all lists, with the tools at `motions`."""
+        for mirror, motion in zip(self._poses, motions, strict=True):
+            mirror.here.flat[:] = motion
             mirror.send()
         old, new = self._side, self._sides[1 - self._at]
         self._run("sort", lambda launches: self._add_sorting(launches, old, new))
@@ -169,13 +183,18 @@ class DeviceLists:
         launches.add(place, blocks(n), self._cell, self._rank, self._cell_start, self._order)
         launches.add(sort_in_cells, blocks(cells), self._cell_start, self._order)
         launches.add(reorder, blocks(n), self._order, p, new.particles, self._unequal)
+        if self._bonded:
+            launches.add(
+                count_bonds, blocks(n), self._order, self._components, old.rows, old.bond_counts,
+                new.bond_counts,
+            )  # fmt: skip
 
     def _partners(self, old: _Side, new: _Side, *, fill: bool) -> tuple[Any, ...]:
-        model, p, rows, before = self._model, new.particles, new.rows, old.rows
+        model, p = self._model, new.particles
         return (
-            list_partners, blocks(self.count), fill, p.position, self._radius(p), model.radius_m,
-            self.grid, self._cell_start, model.reach_m, rows.count, rows.slice_start, rows.neighbour,
-            rows.history, self._order, before.count, before.slice_start, before.neighbour, before.history,
+            list_partners, blocks(self.count), fill, p.position,
+            Reach(model.reach_m, model.radius_m, self._radius(p)), self.grid, self._cell_start, self._order,
+            self._components, self._parity, old.rows, new.rows,
         )  # fmt: skip
 
     def _add_counting(self, launches: Launches, old: _Side, new: _Side) -> None:
@@ -190,30 +209,27 @@ class DeviceLists:
         """Add the kernels that fill lists as far as there is room, and note the room needed."""
         n, p, model = self.count, new.particles, self._model
         launches.add(*self._partners(old, new, fill=True))
-        walls, before = new.walls, old.walls
-        launches.add(find_near_walls, blocks(n), p.position, self._planes, model.wall_reach_m, self._near)
+        walls = new.walls
+        held = p.held if model.soil.window is not None else self._nobody  # they stand for walls
+        launches.add(
+            find_near_walls, blocks(n), p.position, held, self._planes, model.wall_reach_m, self._near
+        )
         add_scan(launches, self._near, n, walls.row)
         launches.add(note_size, 1, self._sizes, 1, walls.row, threads=1)
-        launches.add(
-            list_near_walls, blocks(n), self._near, walls.row, self._order, walls.particle, walls.held,
-            walls.springs, before.row, before.held, before.springs,
-        )  # fmt: skip
+        launches.add(list_near_walls, blocks(n), self._near, self._order, old.walls, walls)
         for k, tool in enumerate(self._tools):
-            near, was = new.tools[k], old.tools[k]
-            low, high, *surface = tool.near
+            near, pose = new.tools[k], self._poses[k].there
             launches.add(
-                find_near_tool, blocks(n), p.position, self._poses[k].there, low, high, *surface,
-                model.tool_reach_m, self._near, self._facets_near,
+                find_near_tool, blocks(n), p.position, pose, tool.surface, model.tool_reach_m, self._near,
+                self._facets_near,
             )  # fmt: skip
             add_scan(launches, self._near, n, near.row)
             add_scan(launches, self._facets_near, n, self._first_facet)
             launches.add(note_size, 1, self._sizes, 2 + 2 * k, near.row, threads=1)
             launches.add(note_size, 1, self._sizes, 3 + 2 * k, self._first_facet, threads=1)
             launches.add(
-                list_near_tool, blocks(n), p.position, self._poses[k].there, *surface, model.tool_reach_m,
-                self._near, near.row, self._first_facet, self._order, near.particle, near.facet_start,
-                near.facet, near.active, near.normal, near.shear, near.roll,
-                was.row, was.active, was.normal, was.shear, was.roll,
+                list_near_tool, blocks(n), p.position, pose, tool.surface, model.tool_reach_m, self._near,
+                self._first_facet, self._order, old.tools[k], near,
             )  # fmt: skip
 
     def sizes(self) -> list[int]:
@@ -227,18 +243,20 @@ class DeviceLists:
         places, near_walls, *of_tools = self.sizes()
         n, grown = self.count, False
         if places > len(new.rows.neighbour):
-            count, slice_start = new.rows.count, new.rows.slice_start
-            new.rows = Rows.empty(n, room_for(places), self._model.precision)
-            new.rows.count, new.rows.slice_start, grown = count, slice_start, True
+            rows = Rows.empty(n, room_for(places), len(self._parity), self._model.precision)
+            new.rows = rows._replace(count=new.rows.count, slice_start=new.rows.slice_start)
+            grown = True
         if near_walls > len(new.walls.particle):
-            new.walls, grown = WallRows.empty(n, min(n, room_for(near_walls))), True
+            new.walls, grown = WallRows.empty(n, min(n, room_for(near_walls)), self._components), True
         for k, tool in enumerate(self._tools):
             candidates, facets = of_tools[2 * k], of_tools[2 * k + 1]
             near = new.tools[k]
             if candidates > len(near.particle) or facets > len(near.facet):
                 room = max(len(near.particle), min(n, room_for(candidates)))
-                new.tools[k], grown = ToolRows.empty(n, room, max(len(near.facet), room_for(facets))), True
-                if room > tool.moment.shape[1]:
+                room_of_facets = max(len(near.facet), room_for(facets))
+                new.tools[k] = ToolRows.empty(n, room, room_of_facets, self._rolling_numbers)
+                grown = True
+                if room > tool.room:
                     tool.make_room(room)
         if grown:
             self._forget_launches()
@@ -258,31 +276,35 @@ class DeviceLists:
         """Pairs in the neighbour lists."""
         return int(self._take(self._side.rows.count).sum()) // 2
 
-    def put_lists(
-        self, pairs: PairList, walls: WallList, tools: list[ToolList], wall_force: np.ndarray
-    ) -> None:
-        """Lists in the form of the CPU's, in place of those that `rebuild` would make."""
-        side, n, kind = self._side, self.count, self._model.precision
-        side.rows = Rows(**{name: on_device(array) for name, array in full_rows(pairs, kind).items()})
-        near_walls = wall_rows(walls, wall_force, n)
+    def put_lists(self, state: SoilState) -> None:
+        """The lists of a state, in place of those that `rebuild` would make."""
+        side, n, components, bonds = self._side, self.count, self._components, state.bonds
+        of_bonds = None if bonds is None else bonds.state
+        rows = full_rows(state.pairs, components, of_bonds, self._bond_numbers, self._model.precision)
+        side.rows = Rows(**{name: on_device(array) for name, array in rows.items()})
+        if bonds is not None:
+            side.bond_counts = cuda.to_device(np.stack((bonds.made, bonds.broken), axis=1))
+        near_walls = wall_rows(state.walls, state.wall_force, n, components)
         sizes = [len(side.rows.neighbour), len(near_walls["particle"])]
         side.walls = WallRows(**{name: on_device(array) for name, array in near_walls.items()})
-        for k, near in enumerate(tools):
+        for k, tool in enumerate(state.tools):
+            near = tool.near
             row = np.searchsorted(near.particle, np.arange(n + 1)).astype(np.int64)
-            arrays = {name: on_device(array) for name, array in vars(near).items()}
+            arrays = {name: on_device(array) for name, array in near._asdict().items()}
             side.tools[k] = ToolRows(cuda.to_device(row), **arrays)
             sizes += [len(near.particle), len(near.facet)]
-            if len(near.particle) > self._tools[k].moment.shape[1]:
+            if len(near.particle) > self._tools[k].room:
                 self._tools[k].make_room(room_for(len(near.particle)))
         self._forget_launches()
         self._sizes.copy_to_device(np.array(sizes, np.int64), stream=self.stream)
         self.stream.synchronize()
 
     def take_pairs(self) -> dict[str, np.ndarray]:
-        """Partners of every particle as they stand, and `cell_start` of the cells they are in."""
+        """Partners and bonds of every particle as they stand, and `cell_start` of their cells."""
         self.stream.synchronize()
         return {
             **self._side.rows.taken(self.sizes()[0]),
+            "bond_counts": self._take(self._side.bond_counts),
             "cell_start": self._take(self._cell_start),
         }
 
@@ -296,3 +318,8 @@ class DeviceLists:
         self.stream.synchronize()
         sizes = self.sizes()
         return [near.taken(*sizes[2 + 2 * k : 4 + 2 * k]) for k, near in enumerate(self._side.tools)]
+
+
+def form_of(motion: Motion) -> tuple[int, ...]:
+    """Shape of a motion for tools.motion.motion_at."""
+    return (len(motion),) if len(motion) == PLANAR else (len(motion), 1)

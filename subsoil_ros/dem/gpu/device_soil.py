@@ -5,30 +5,32 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
+from ..bonds.kernel import BondArrays
 from ..mixture import Mixture
 from ..model import SoilModel
 from ..neighbours import CellGrid
 from ..particles import Particles
 from ..state import SoilState
-from ..tools.facets import Facets
+from ..tools.motion import Motion
 from .device import Launches, Mirror, blocks
-from .device_lists import DeviceLists
+from .device_lists import DeviceLists, form_of
 from .forces import (
     FAR,
     HALTED,
     LOST,
     REPORT,
     STEP,
+    World,
     add_up_tool,
     damp,
     drift,
     end_step,
-    kick_owed,
-    kick_paid,
-    lists_are_new,
-    look_at_pairs_kernel,
-    look_at_particles,
+    kick_pending,
+    note_kick,
+    note_new_lists,
     pair_kernel,
+    reduce_pairs_kernel,
+    reduce_particles,
     tool_kernel,
     wall_kernel,
     without_period,
@@ -40,26 +42,32 @@ from .scan import SUM_BLOCKS, column_sums
 class DeviceSoil(DeviceLists):
     """Particles, lists, histories and tools of one soil on the GPU."""
 
-    def __init__(
-        self, model: SoilModel, state: SoilState, grid: CellGrid, tools: list[tuple[Facets, int]]
-    ) -> None:
-        super().__init__(model, state, grid, tools)
+    def __init__(self, model: SoilModel, state: SoilState, grid: CellGrid) -> None:
+        super().__init__(model, state, grid)
         self._ceiling_m = state.domain.ceiling_m
         self._wall_law, self._tool_law = _of_floats(model.wall_law), _of_floats(model.tool_law)
-        n = self.count
         self._features = without_period(model.features)
         tables = model.pair_laws, model.wall_laws, model.tool_laws
         self._laws = [cuda.to_device(laws) for laws in tables]
-        booked = n if model.booked else 1
-        self._pair_book = cuda.to_device(np.zeros((booked, 5)))
-        self._wall_book = cuda.to_device(np.zeros((booked, 5)))
+        booked = self.count if model.booked else 1
+        sinks = len(state.sinks)
+        self._books = [cuda.to_device(np.zeros((booked, sinks))) for _ in ("pairs", "walls")]
+        self._bonds = self._bonds_of(state, booked)
         self._per_step = sum(tool.columns for tool in self._tools)
         self._slots = model.soil_steps
         self._report = Mirror((REPORT + self._slots * self._per_step,), self.stream)
-        tool_count = max(1, len(tools))
-        self._motions = Mirror((self._slots, tool_count, 8), self.stream)
+        forms = [form_of(tool.kernel_motion(tool.last)) for tool in state.tools]
+        self._motions = [Mirror((self._slots, *form), self.stream) for form in forms]
         self._of_particles = Mirror((SUM_BLOCKS, 8), self.stream)
         self._of_pairs = Mirror((SUM_BLOCKS, 3), self.stream)
+
+    def _bonds_of(self, state: SoilState, booked: int) -> BondArrays:
+        """Numbers that bonds have in common, and their book; without bonds kernels take them too."""
+        book, elsewhere = cuda.to_device(np.zeros((booked, 2))), cuda.to_device(np.zeros(1))
+        if state.bonds is not None:
+            return state.bonds.kernel_arrays()._replace(state=elsewhere, book=book)
+        nothing: np.ndarray = np.zeros(len(BondArrays._fields) - 2, self._model.precision)
+        return BondArrays(elsewhere, book, *nothing)
 
     def take_particles(self) -> Particles:
         """A copy, at the end of the last step or, where it halted, after the drift."""
@@ -77,51 +85,44 @@ class DeviceSoil(DeviceLists):
 
     # what kernels take
 
-    def _mixture(self, particles: OnDevice, laws: Any) -> Mixture:
-        return Mixture(particles.radius, particles.mass, particles.material, laws, self._model.layers)  # type: ignore[arg-type]
-
-    @staticmethod
-    def _motion(particles: OnDevice) -> tuple[Any, ...]:
-        p = particles
-        return p.position, p.velocity, p.spin, p.force, p.torque
+    def _mixture(self, particles: OnDevice, laws: Any, kind: type = float) -> Mixture:
+        p, model = particles, self._model
+        return Mixture(kind(model.radius_m), p.radius, p.mass, p.material, laws, model.layers)  # type: ignore[arg-type]
 
     # soil steps
 
     def _add_drift(self, launches: Launches) -> None:
         model, p = self._model, self._side.particles
         launches.add(
-            drift, blocks(self.count), self._report.there, *self._motion(p), p.built_position, p.held,
-            *self._masses(p), model.step_s, (0.5 * model.soil.skin_m) ** 2,
+            drift, blocks(self.count), self._report.there, p.kinematics, p.loads, self._masses(p),
+            p.built_position, p.held, model.step_s, (0.5 * model.soil.skin_m) ** 2,
         )  # fmt: skip
 
     def _add_forces(self, launches: Launches, step_s: float) -> None:
         side, model, kind = self._side, self._model, self._model.precision
-        p, rows, walls, report = side.particles, side.rows, side.walls, self._report.there
-        motion = self._motion(p)
+        p, walls, report = side.particles, side.walls, self._report.there
+        world = World(model.gravity_m_per_s2, self.grid.period, kind(step_s))
         launches.add(
-            pair_kernel(self._features), blocks(self.count), report,
-            rows.count, rows.slice_start, rows.neighbour, rows.history, *motion,
-            self._masses(p)[0], model.gravity_m_per_s2, kind(model.radius_m), kind(step_s),
-            model.pair_law, self._mixture(p, self._laws[0]), self.grid.period, self._pair_book,
+            pair_kernel(self._features, self._bonded), blocks(self.count), report, side.rows, self._bonds,
+            p.kinematics, self._masses(p), model.pair_law, self._mixture(p, self._laws[0], kind), world,
+            p.loads, self._books[0],
         )  # fmt: skip
         launches.add(
-            wall_kernel(self._features), blocks(len(walls.particle)), report, self._sizes, 1,
-            walls.particle, walls.held, walls.springs, self._planes, *motion, model.radius_m, step_s,
-            self._wall_law, self._mixture(p, self._laws[1]), walls.force, self._wall_book,
+            wall_kernel(self._features), blocks(len(walls.particle)), report, self._size(1), walls,
+            self._planes, p.kinematics, self._wall_law, self._mixture(p, self._laws[1]), step_s, p.loads,
+            self._books[1],
         )  # fmt: skip
         first = 0
         for k, (tool, near) in enumerate(zip(self._tools, side.tools, strict=True)):
-            felt = tool.group_force, tool.moment, tool.sums
+            size = self._size(2 + 2 * k)
             launches.add(
-                tool_kernel(self._features), blocks(len(near.particle)), report, self._sizes,
-                2 + 2 * k, self._motions.there, k, near.particle, near.facet_start, near.facet, tool.facets,
-                *motion, near.active, near.normal, near.shear, near.roll, model.radius_m, step_s,
-                self._tool_law, self._mixture(p, self._laws[2]), *felt,
+                tool_kernel(self._features, self._rolling_numbers), blocks(len(near.particle)), report, size,
+                self._motions[k].there, near, tool.facets, p.kinematics, self._tool_law,
+                self._mixture(p, self._laws[2]), step_s, p.loads, tool.loads,
             )  # fmt: skip
             launches.add(
-                add_up_tool, tool.columns, report, self._sizes, 2 + 2 * k, *felt, first,
-                self._per_step, self._slots,
-            )  # fmt: skip
+                add_up_tool, tool.columns, report, size, tool.loads, first, self._per_step, self._slots
+            )
             first += tool.columns
 
     def _add_step_end(self, launches: Launches) -> None:
@@ -133,14 +134,15 @@ class DeviceSoil(DeviceLists):
         self._add_step_end(launches)
 
     def _add_waiting_step_end(self, launches: Launches) -> None:
-        launches.add(lists_are_new, 1, self._report.there, threads=1)
+        launches.add(note_new_lists, 1, self._report.there, threads=1)
         self._add_step_end(launches)
 
-    def put_motions(self, motions: list[tuple[Any, ...]]) -> None:
-        """Send the motions at the ends of the tick's soil steps: (steps, tools) of tools.motion.Motion."""
-        if self._tools:
-            self._motions.here[: len(motions)] = motions
-            self._motions.send()
+    def put_motions(self, motions: list[tuple[Motion, ...]]) -> None:
+        """Send the motions at the ends of the tick's soil steps: (steps, tools)."""
+        for k, mirror in enumerate(self._motions):
+            for step, of_tools in enumerate(motions):
+                mirror.here[step].flat[:] = of_tools[k]
+            mirror.send()
 
     def first_forces(self) -> np.ndarray:
         """Compute the forces of the initial state, without time; return the loads of the tools (columns,)."""
@@ -169,66 +171,66 @@ class DeviceSoil(DeviceLists):
     def _add_kick(self, launches: Launches) -> None:
         p, model, report = self._side.particles, self._model, self._report.there
         launches.add(
-            kick_owed, blocks(self.count), report, p.velocity, p.spin, p.force, p.torque, p.held,
-            *self._masses(p), model.step_s,
+            kick_pending, blocks(self.count), report, p.kinematics, p.loads, self._masses(p), p.held,
+            model.step_s,
         )  # fmt: skip
-        launches.add(kick_paid, 1, report, threads=1)
+        launches.add(note_kick, 1, report, threads=1)
 
     def finish_kick(self) -> None:
         """The second half kick of the last step, if it is still to come."""
         self._run("kick", self._add_kick)
 
     def damp(self, kept: float) -> None:
-        """Every velocity and spin times `kept`, at the end of the last step."""
+        """Every linear and angular velocity times `kept`, at the end of the last step."""
         self.finish_kick()
         p, factor = self._side.particles, self._model.precision(kept)
         self._run(
             f"damp {kept}",
-            lambda launches: launches.add(damp, blocks(self.count), p.velocity, p.spin, factor),
+            lambda launches: launches.add(damp, blocks(self.count), p.kinematics, factor),
         )
 
     # readings
 
-    def look_at_particles(self) -> np.ndarray:
-        """(8,) sums over particles at the end of the last step: see forces.look_at_particles."""
-        self._run("look at particles", self._add_look_at_particles)
+    def reduce_particles(self) -> np.ndarray:
+        """(8,) sums over particles at the end of the last step: see forces.reduce_particles."""
+        self._run("reduce particles", self._add_sums_of_particles)
         return self._of_particles.take().sum(axis=0)
 
-    def _add_look_at_particles(self, launches: Launches) -> None:
+    def _add_sums_of_particles(self, launches: Launches) -> None:
         self._add_kick(launches)
         p, model = self._side.particles, self._model
         launches.add(
-            look_at_particles, SUM_BLOCKS, *self._motion(p), *self._masses(p), model.step_s, self._planes,
+            reduce_particles, SUM_BLOCKS, p.kinematics, p.loads, self._masses(p), model.step_s, self._planes,
             self._radius(p), self._ceiling_m, self._of_particles.there,
         )  # fmt: skip
 
-    def look_at_pairs(self) -> tuple[int, float, float]:
+    def reduce_pairs(self) -> tuple[int, float, float]:
         """Contacts in reach, largest overlap [m], stored energy [J]."""
-        self._run("look at pairs", self._add_look_at_pairs)
+        self._run("reduce pairs", self._add_sums_of_pairs)
         found = self._of_pairs.take()
         return int(found[:, 0].sum()), float(found[:, 1].max()), float(found[:, 2].sum())
 
-    def _add_look_at_pairs(self, launches: Launches) -> None:
-        side, model = self._side, self._model
-        p, rows = side.particles, side.rows
+    def _add_sums_of_pairs(self, launches: Launches) -> None:
+        side = self._side
         launches.add(
-            look_at_pairs_kernel(self._features), SUM_BLOCKS, rows.count, rows.slice_start, rows.neighbour,
-            rows.history, p.position, model.radius_m, self._wall_law, self._mixture(p, self._laws[0]),
-            self.grid.period,
+            reduce_pairs_kernel(self._features), SUM_BLOCKS, side.rows, side.particles.position,
+            self._wall_law, self._mixture(side.particles, self._laws[0]), self.grid.period,
             self._of_pairs.there,
         )  # fmt: skip
 
-    def take_books(self) -> np.ndarray:
-        """(5,) sinks [J] of pairs and walls since the last time."""
-        total = np.zeros(5)
-        for book in (self._pair_book, self._wall_book):
-            partial = cuda.device_array((SUM_BLOCKS, 5), np.float64)
-            launches = Launches(self.stream)
-            launches.add(column_sums, SUM_BLOCKS, book, partial)
-            launches.run()
-            total += self._take(partial).sum(axis=0)
-            book.copy_to_device(np.zeros(book.shape), stream=self.stream)
-        return total
+    def take_books(self) -> tuple[np.ndarray, np.ndarray]:
+        """Since the last time: (sinks,) [J] of pairs and walls; (2,) [J] of bonds."""
+        of_pairs, of_walls, of_bonds = (self._summed(book) for book in (*self._books, self._bonds.book))
+        return of_pairs + of_walls, of_bonds
+
+    def _summed(self, book: Any) -> np.ndarray:
+        """Sums of the columns of a book, which is then zero."""
+        partial = cuda.device_array((SUM_BLOCKS, book.shape[1]), np.float64)
+        launches = Launches(self.stream)
+        launches.add(column_sums, SUM_BLOCKS, book, partial)
+        launches.run()
+        book.copy_to_device(np.zeros(book.shape), stream=self.stream)
+        return np.asarray(self._take(partial).sum(axis=0))
 
 
 def _of_floats(law: Any) -> Any:

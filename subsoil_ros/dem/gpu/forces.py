@@ -7,46 +7,65 @@ force on one is that on the other to the last bit, with opposite sign.
 
 The kernels are controlled by `report`, (REPORT + results,) float64 on the device, whose first numbers are:
 STEP, soil steps done so far; FAR, a particle left the reach of its lists in the drift of the present step;
-HALTED, it did, and everything waits for new lists; OWES, the second half kick of the last step is still to
+HALTED, it did, and everything waits for new lists; PENDING, the second half kick of the last step is still to
 come; LOST, a particle's place is no longer a number.
+
+Kernels write to arguments that end in _out, to the histories in lists, and to `report`.
 """
 
 import functools
 import math
-from typing import Any
+from collections.abc import Hashable
+from typing import Any, NamedTuple
 
 from numba import cuda, float64
 
-from ...contact_laws.base import NO, YES, Features
+from ...contact_laws.base import NO, SHARED_SINKS, SPRINGS, YES, ContactMotion, ContactState, Features
+from ...contact_laws.features import books_energy, has_rolling, has_tangential, is_periodic, is_unlike
 from ...contact_laws.springs import like
-from ..contact import normal_potential, numbers_like, reach, spring_energy
+from ..bonds.kernel import bond_of_pair, shape_at
+from ..contact import (
+    components,
+    normal_potential,
+    numbers_like,
+    own_at,
+    put_own,
+    put_state,
+    reach,
+    spring_energy,
+    state_at,
+)
 from ..integration import kicked, kicked_and_moved
-from ..mixture import pair_of, sphere_of
+from ..mixture import ContactModel, pair_of, sphere_of
 from ..pairs import contact_of_pair
 from ..per_particle import of_particle
 from ..periodic import nearest_image
-from ..tools.forces import CANDIDATES, CONTACTS, FOUND, row_forces
+from ..tools.forces import CANDIDATES, CONTACTS, DEEPEST, FOUND, Room, ToolLoads, row_forces
+from ..tools.motion import motion_at
 from ..walls import WALLS, contact_at_wall
 from .device import THREADS, WARP
 from .scan import block_largest, block_total
 
-STEP, FAR, HALTED, OWES, LOST, REPORT = range(6)
+STEP, FAR, HALTED, PENDING, LOST, REPORT = range(6)
 
 _WALLS = len(WALLS)
 
-TOOL_SUMS = 10
-"""Columns of a tool's results after those of its groups: moment, sinks, contacts, largest overlap."""
+
+class World(NamedTuple):
+    """What all particles have in common."""
+
+    gravity: float  # [m/s2]
+    period: float  # in y [m]; infinite without
+    step: float  # [s]
 
 
 @cuda.jit(cache=True)
-def drift(report, position, velocity, spin, force, torque, built, held, mass, inertia, step, limit_squared):
-    """dem.integration.kick_drift, forces left as they are; one half kick only if none is owed."""
+def drift(report, kinematics_out, loads_out, masses, built, held, step, limit_squared):
+    """dem.integration.kick_drift, forces left as they are; one half kick only if none is pending."""
     i = cuda.grid(1)
-    if i < position.shape[0] and report[HALTED] == 0.0:
-        owed = velocity.dtype.type(report[OWES])
-        moved = kicked_and_moved(
-            i, position, velocity, spin, force, torque, built, held, mass, inertia, step, owed
-        )
+    if i < held.shape[0] and report[HALTED] == 0.0:
+        pending = kinematics_out.velocity.dtype.type(report[PENDING])
+        moved = kicked_and_moved(i, kinematics_out, loads_out, masses, built, held, step, pending)
         if not moved <= limit_squared:
             report[FAR] = 1.0
             if moved != moved:
@@ -54,27 +73,28 @@ def drift(report, position, velocity, spin, force, torque, built, held, mass, in
 
 
 @cuda.jit(cache=True)
-def kick_owed(report, velocity, spin, force, torque, held, mass, inertia, step):
-    """The second half kick of the last step, if it is still to come; `kick_paid` follows."""
+def kick_pending(report, kinematics_out, loads_out, masses, held, step):
+    """The second half kick of the last step, if it is still to come; `note_kick` follows."""
     i = cuda.grid(1)
-    if i < velocity.shape[0] and report[OWES] == 1.0:
-        kicked(i, velocity, spin, force, torque, held, mass, inertia, step)
+    if i < held.shape[0] and report[PENDING] == 1.0:
+        kicked(i, kinematics_out, loads_out, masses, held, step)
 
 
 @cuda.jit(cache=True)
-def kick_paid(report):
-    """Clears OWES: no half kick is left to make."""
-    report[OWES] = 0.0
+def note_kick(report):
+    """Clears PENDING: no half kick is left to make."""
+    report[PENDING] = 0.0
 
 
 @cuda.jit(cache=True)
-def damp(velocity, spin, kept):
-    """Every velocity and spin times `kept`."""
+def damp(kinematics_out, kept):
+    """Every linear and angular velocity times `kept`."""
+    _, velocity, angular_velocity = kinematics_out
     i = cuda.grid(1)
     if i < velocity.shape[0]:
         for a in range(3):
             velocity[i, a] *= kept
-            spin[i, a] *= kept
+            angular_velocity[i, a] *= kept
 
 
 @cuda.jit(cache=True)
@@ -84,93 +104,144 @@ def end_step(report):
         report[HALTED] = 1.0
     else:
         report[STEP] += 1.0
-        report[OWES] = 1.0
+        report[PENDING] = 1.0
 
 
 @cuda.jit(cache=True)
-def lists_are_new(report):
+def note_new_lists(report):
     """Lets the step that halted go on."""
     report[FAR] = report[HALTED] = 0.0
 
 
 def without_period(features: Features) -> Features:
     """Features that kernels are compiled for: whether there is a period, not its length."""
-    return features._replace(periodic=YES if features.periodic.ndim == 2 else NO)
+    return features._replace(periodic=YES if is_periodic(features) else NO)
 
 
 def _compiled_once(factory: Any) -> Any:
-    """One kernel for each set of features, whatever arrays stand for them."""
-    made: Any = functools.cache(lambda kind, flags: factory(kind(*(YES if flag else NO for flag in flags))))
-    return lambda features: made(type(features), tuple(feature.ndim == 2 for feature in features))
+    """One kernel for each set of features, whatever arrays stand for them, and each further argument."""
+
+    @functools.cache
+    def made(kind: Any, flags: tuple[bool, ...], *more: Hashable) -> Any:
+        return factory(kind(*(YES if flag else NO for flag in flags)), *more)
+
+    def kernel(features: Any, *more: Hashable) -> Any:
+        kind: Any = type(features)
+        return made(kind, tuple(part.ndim == 2 for part in features), *more)
+
+    return kernel
 
 
 @_compiled_once
-def pair_kernel(features: Features) -> Any:
-    """The forces of all partners, and weight: dem.pairs.pair_forces."""
+def pair_kernel(features: Features, bonded: bool) -> Any:
+    """The forces of all partners, and weight: dem.pairs.pair_forces.
+
+    The numbers of a bond stand in the histories behind those of the contact; `bonds` has those in common, and
+    its book (n, 2).
+    """
 
     @cuda.jit(cache=True)
-    def pair_forces(
-        report, count, slice_start, neighbour, history, position, velocity, spin, force, torque,
-        mass, gravity, radius, step, common_law, mixture, period, book,
-    ):  # fmt: skip
+    def pair_forces(report, rows, bonds, kinematics, masses, law, mixture, world, loads_out, book_out):
         i = cuda.grid(1)
-        if i >= position.shape[0] or report[FAR] == 1.0:
+        if i >= kinematics.position.shape[0] or report[FAR] == 1.0:
             return
-        zero = like(step, 0.0)
+        count, slice_start, neighbour, history = rows
+        position, velocity, angular_velocity = kinematics
+        force, torque = loads_out
+        common_law, step = law, world.step
+        zero, one = like(step, 0.0), like(step, 1.0)
         x, y, z = position[i, 0], position[i, 1], position[i, 2]
         vx, vy, vz = velocity[i, 0], velocity[i, 1], velocity[i, 2]
-        wx, wy, wz = spin[i, 0], spin[i, 1], spin[i, 2]
-        fx, fy, fz = zero, zero, like(step, -of_particle(mass, i) * gravity)
+        wx, wy, wz = angular_velocity[i, 0], angular_velocity[i, 1], angular_velocity[i, 2]
+        fx, fy, fz = zero, zero, like(step, -of_particle(masses.mass, i) * world.gravity)
         tx, ty, tz = zero, zero, zero
-        law, radius_i, radius_j = common_law, radius, radius
+        radius_i, radius_j = mixture.common_radius, mixture.common_radius
         at = slice_start[i // WARP] + i % WARP
         for _ in range(count[i]):
             listed = neighbour[at]
-            held = listed >= 0
-            j = listed if held else ~listed
+            active = listed >= 0
+            j = listed if active else ~listed
             dx, dy, dz = position[j, 0] - x, position[j, 1] - y, position[j, 2] - z
-            if features.periodic.ndim == 2:
-                dy = nearest_image(dy, period)
+            if is_periodic(features):
+                dy = nearest_image(dy, world.period)
             apart = like(step, dx), like(step, dy), like(step, dz)
-            if features.sizes.ndim == 2 or features.materials.ndim == 2:
-                first, second, own = pair_of(
-                    min(i, j), max(i, j), float64(radius), common_law, mixture, features
-                )
+            if is_unlike(features):
+                first, second, own = pair_of(min(i, j), max(i, j), common_law, mixture, features)
                 radius_i, radius_j = like(step, first), like(step, second)
                 law = numbers_like(step, own)
             farthest = reach(radius_i + radius_j, law, features)
             squared = apart[0] * apart[0] + apart[1] * apart[1] + apart[2] * apart[2]
-            if held or squared < farthest * farthest:
+            length = zero
+            if bonded:
+                length = history[components(law), at]
+            if active or length > zero or squared < farthest * farthest:
+                # the contact as the particle of the lower number sees it
                 relative = vx - velocity[j, 0], vy - velocity[j, 1], vz - velocity[j, 2]
-                spin_i, spin_j = (wx, wy, wz), (spin[j, 0], spin[j, 1], spin[j, 2])
-                shear, roll = (zero, zero, zero), (zero, zero, zero)
-                if held:
-                    if features.tangential.ndim == 2:
-                        shear = history[0, at], history[1, at], history[2, at]
-                    if features.rolling.ndim == 2:
-                        roll = history[3, at], history[4, at], history[5, at]
+                here, there = (
+                    (wx, wy, wz),
+                    (angular_velocity[j, 0], angular_velocity[j, 1], angular_velocity[j, 2]),
+                )
+                angular_velocities = here, there
                 if j < i:
                     apart = -apart[0], -apart[1], -apart[2]
                     relative = -relative[0], -relative[1], -relative[2]
-                    spin_i, spin_j = spin_j, spin_i
-                acts, f, on_first, on_second, s, r, sinks, _ = contact_of_pair(
-                    apart, relative, spin_i, spin_j, radius_i, radius_j, shear, roll, (), step, law, features
+                    angular_velocities = there, here
+                column = history[:, at]
+                shear, rolling = (zero, zero, zero), (zero, zero, zero)
+                if active:
+                    if has_tangential(features):
+                        shear = column[0], column[1], column[2]
+                    if has_rolling(features):
+                        rolling = column[3], column[4], column[5]
+                state = ContactState(shear, rolling, own_at(column, SPRINGS, 1, one if active else zero, law))
+                acts, f, on_first, on_second, state, sinks = contact_of_pair(
+                    apart, relative, angular_velocities, (radius_i, radius_j), state, step, law, features
                 )
                 if acts > zero:
-                    if features.tangential.ndim == 2:
-                        history[0, at], history[1, at], history[2, at] = s
-                    if features.rolling.ndim == 2:
-                        history[3, at], history[4, at], history[5, at] = r
-                    if not held:
+                    if has_tangential(features):
+                        column[0], column[1], column[2] = state.shear
+                    if has_rolling(features):
+                        column[3], column[4], column[5] = state.rolling
+                    put_own(state.own, one, column, SPRINGS, 1)
+                    if not active:
                         neighbour[at] = j
-                elif held:
+                elif active:
                     neighbour[at] = ~j
+
+                if bonded and length > zero:
+                    b = components(law)
+                    slip = column[b + 1], column[b + 2], column[b + 3]
+                    turn = column[b + 4], column[b + 5], column[b + 6]
+                    whole, g, more_first, more_second, slip, turn, stored, lost = bond_of_pair(
+                        apart, relative, angular_velocities, shape_at(column, b, 1, bonds, features), one,
+                        slip, turn, step, bonds,
+                    )  # fmt: skip
+                    column[b] = length if whole > zero else -length
+                    column[b + 1], column[b + 2], column[b + 3] = slip
+                    column[b + 4], column[b + 5], column[b + 6] = turn
+                    f = f[0] + g[0], f[1] + g[1], f[2] + g[2]
+                    on_first = (
+                        on_first[0] + more_first[0],
+                        on_first[1] + more_first[1],
+                        on_first[2] + more_first[2],
+                    )
+                    on_second = (
+                        on_second[0] + more_second[0],
+                        on_second[1] + more_second[1],
+                        on_second[2] + more_second[2],
+                    )
+                    if books_energy(features) and i < j:
+                        bonds.book[i, 0] += step * lost
+                        bonds.book[i, 1] += (one - whole) * stored
+
                 if i < j:
                     fx, fy, fz = fx + f[0], fy + f[1], fz + f[2]
                     tx, ty, tz = tx + on_first[0], ty + on_first[1], tz + on_first[2]
-                    if features.book.ndim == 2:
-                        for a in range(len(sinks)):
-                            book[i, a] += sinks[a]
+                    if books_energy(features):
+                        for a in range(SHARED_SINKS):
+                            book_out[i, a] += sinks[a]
+                        for a in range(SHARED_SINKS, len(sinks)):
+                            book_out[i, a] += acts * sinks[a]
                 else:
                     fx, fy, fz = fx - f[0], fy - f[1], fz - f[2]
                     tx, ty, tz = tx + on_second[0], ty + on_second[1], tz + on_second[2]
@@ -186,134 +257,126 @@ def wall_kernel(features: Features) -> Any:
     """Adds the forces of the walls, a thread for each particle near one: dem.walls.wall_forces."""
 
     @cuda.jit(cache=True)
-    def wall_forces(
-        report, sizes, k, particle, held, springs, planes, position, velocity, spin, force, torque,
-        common_radius, step, common_law, mixture, wall_force, book,
-    ):  # fmt: skip
+    def wall_forces(report, size, near, planes, kinematics, law, mixture, step, loads_out, book_out):
         row = cuda.grid(1)
-        if row >= sizes[k] or row >= particle.shape[0] or report[FAR] == 1.0:
+        if row >= size[0] or row >= near.particle.shape[0] or report[FAR] == 1.0:
             return
-        i = particle[row]
-        radius, law = sphere_of(i, common_radius, common_law, mixture, features)
+        position, velocity, angular_velocity = kinematics
+        force, torque = loads_out
+        i, springs = near.particle[row], near.springs[:, row]
+        radius, law = sphere_of(i, law, mixture, features)
         farthest = reach(radius, law, features)
+        moving = float64(velocity[i, 0]), float64(velocity[i, 1]), float64(velocity[i, 2])
+        turning = (
+            float64(angular_velocity[i, 0]),
+            float64(angular_velocity[i, 1]),
+            float64(angular_velocity[i, 2]),
+        )
         touching = 0
         for wall in range(_WALLS):
             nx, ny, nz = planes[wall, 0], planes[wall, 1], planes[wall, 2]
             distance = planes[wall, 3] - (nx * position[i, 0] + ny * position[i, 1] + nz * position[i, 2])
-            was = (held[row] >> wall) & 1 == 1
-            c = 6 * wall
+            was = (near.active[row] >> wall) & 1 == 1
+            first = components(law) * wall
             fx, fy, fz = 0.0, 0.0, 0.0
             if was or distance < farthest:
-                shear, roll = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-                if was:
-                    shear = springs[c, row], springs[c + 1, row], springs[c + 2, row]
-                    roll = springs[c + 3, row], springs[c + 4, row], springs[c + 5, row]
-                acts, f, on_it, s, r, sinks, _ = contact_at_wall(
-                    distance,
-                    (nx, ny, nz),
-                    (float64(velocity[i, 0]), float64(velocity[i, 1]), float64(velocity[i, 2])),
-                    (float64(spin[i, 0]), float64(spin[i, 1]), float64(spin[i, 2])),
-                    radius,
-                    shear,
-                    roll,
-                    (),
-                    step,
-                    law,
-                    features,
+                if not was:
+                    for a in range(components(law)):
+                        springs[first + a] = 0.0
+                motion = ContactMotion((nx, ny, nz), moving, turning)
+                state = state_at(springs, first, 1, law)
+                acts, f, on_it, state, sinks = contact_at_wall(
+                    distance, motion, radius, state, step, law, features
                 )
                 if acts > 0.0:
                     touching |= 1 << wall
-                    springs[c, row], springs[c + 1, row], springs[c + 2, row] = s
-                    springs[c + 3, row], springs[c + 4, row], springs[c + 5, row] = r
+                    put_state(state, acts, springs, first, 1)
                 fx, fy, fz = f
                 for a in range(3):
                     force[i, a] += f[a]
                     torque[i, a] += on_it[a]
-                if features.book.ndim == 2:
-                    for a in range(len(sinks)):
-                        book[i, a] += sinks[a]
-            wall_force[3 * wall, row], wall_force[3 * wall + 1, row] = fx, fy
-            wall_force[3 * wall + 2, row] = fz
-        held[row] = touching
+                if books_energy(features):
+                    for a in range(SHARED_SINKS):
+                        book_out[i, a] += sinks[a]
+                    for a in range(SHARED_SINKS, len(sinks)):
+                        book_out[i, a] += acts * sinks[a]
+            near.force[3 * wall, row], near.force[3 * wall + 1, row] = fx, fy
+            near.force[3 * wall + 2, row] = fz
+        near.active[row] = touching
 
     return wall_forces
 
 
 @_compiled_once
-def tool_kernel(features: Features) -> Any:
+def tool_kernel(features: Features, rolling_numbers: int) -> Any:
     """Adds the forces of one tool, a thread for each candidate: dem.tools.forces.tool_forces.
 
-    The load of each candidate on the tool goes into group_force (groups, 3, rows), moment (3, rows) and sums
-    (7, rows).
+    The load of each candidate on the tool goes into load_out, the candidates along its last axis.
+    rolling_numbers: of a contact in ToolList.rolling.
     """
 
     @cuda.jit(cache=True)
-    def tool_forces(
-        report, sizes, k, motions, tool, particle, facet_start, facet, facets, position, velocity, spin,
-        force, torque, active, normal, shear, roll, radius, step, law, mixture, group_force, moment, sums,
-    ):  # fmt: skip
+    def tool_forces(report, size, motions, near, facets, kinematics, law, mixture, step, loads_out, load_out):
         row = cuda.grid(1)
-        if row >= sizes[k] or row >= particle.shape[0] or report[FAR] == 1.0:
+        if row >= size[0] or row >= near.particle.shape[0] or report[FAR] == 1.0:
             return
-        out = cuda.local.array((CANDIDATES, FOUND), float64)
-        old_shear = cuda.local.array((CONTACTS, 3), float64)
-        old_roll = cuda.local.array((CONTACTS, 3), float64)
+        room = Room(
+            cuda.local.array((CANDIDATES, FOUND), float64),
+            cuda.local.array((CONTACTS, 3), float64),
+            cuda.local.array((CONTACTS, rolling_numbers), float64),
+        )
+        load = ToolLoads(load_out.group_force[:, :, row], load_out.moment[:, row], load_out.sums[:, row])
         for a in range(3):
-            moment[a, row] = 0.0
-            for group in range(group_force.shape[0]):
-                group_force[group, a, row] = 0.0
-        for a in range(7):
-            sums[a, row] = 0.0
-        at = motions[int(report[STEP]) % motions.shape[0], tool]
-        motion = (at[0], at[1], at[2], at[3], at[4], at[5], at[6], at[7])
-        row_forces(
-            row, particle, facet_start, facet, facets, motion, position, velocity, spin, force, torque,
-            active, normal, shear, roll, radius, step, law, mixture, features,
-            out, old_shear, old_roll, group_force[:, :, row], moment[:, row], sums[:, row],
-        )  # fmt: skip
+            load.moment[a] = 0.0
+            for group in range(load.group_force.shape[0]):
+                load.group_force[group, a] = 0.0
+        for a in range(load.sums.shape[0]):
+            load.sums[a] = 0.0
+        motion = motion_at(motions[int(report[STEP]) % motions.shape[0]])
+        model = ContactModel(law, mixture, features, step)
+        row_forces(row, near, facets, motion, kinematics, model, room, loads_out, load)
 
     return tool_forces
 
 
 @cuda.jit(cache=True)
-def add_up_tool(report, sizes, k, group_force, moment, sums, first_result, per_step, slots):
+def add_up_tool(report, size, load, first_result, per_step, slots):
     """Adds up column blockIdx.x of a tool's load in the present step, into its place among the results."""
     if report[FAR] == 1.0:
         return
     shared = cuda.shared.array(THREADS, float64)
-    column, of_groups = cuda.blockIdx.x, 3 * group_force.shape[0]
-    rows = min(sizes[k], moment.shape[1])
-    last = of_groups + TOOL_SUMS - 1
+    column, of_groups = cuda.blockIdx.x, 3 * load.group_force.shape[0]
+    rows = min(size[0], load.moment.shape[1])
+    deepest = of_groups + 3 + DEEPEST
     total = 0.0
     for row in range(cuda.threadIdx.x, rows, THREADS):
         if column < of_groups:
-            total += group_force[column // 3, column % 3, row]
+            total += load.group_force[column // 3, column % 3, row]
         elif column < of_groups + 3:
-            total += moment[column - of_groups, row]
-        elif column < last:
-            total += sums[column - of_groups - 3, row]
+            total += load.moment[column - of_groups, row]
+        elif column != deepest:
+            total += load.sums[column - of_groups - 3, row]
         else:
-            total = max(total, sums[column - of_groups - 3, row])
-    total = block_total(total, shared) if column < last else block_largest(total, shared)
+            total = max(total, load.sums[column - of_groups - 3, row])
+    total = block_total(total, shared) if column != deepest else block_largest(total, shared)
     if cuda.threadIdx.x == 0:
         report[REPORT + int(report[STEP]) % slots * per_step + first_result + column] = total
 
 
 @cuda.jit(cache=True)
-def look_at_particles(
-    position, velocity, spin, force, torque, mass, inertia, step, planes, radius, ceiling, partial
-):
-    """Sums over particles, block by block, into `partial` (SUM_BLOCKS, 8): those of monitors.MotionSums, the
-    kinetic energy [J], m z [kg m], and the particles outside the domain."""
+def reduce_particles(kinematics, loads, masses, step, planes, radius, ceiling, partial_out):
+    """Sums over particles, block by block, (SUM_BLOCKS, 8): those of monitors.MotionSums, the kinetic energy
+    [J], m z [kg m], and the particles outside the domain."""
     shared = cuda.shared.array(THREADS, float64)
+    position, velocity, angular_velocity = kinematics
     v2, a2, w2, t2, place, kinetic, height, outside = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(cuda.grid(1), position.shape[0], cuda.gridsize(1)):
-        m, inert = of_particle(mass, i), of_particle(inertia, i)
+        m, inert = of_particle(masses.mass, i), of_particle(masses.inertia, i)
         by_force, by_torque = 0.5 * step / m, 0.5 * step / inert
         speed2, spin2 = 0.0, 0.0
         for a in range(3):
-            v, w = float64(velocity[i, a]), float64(spin[i, a])
-            f, t = by_force * force[i, a], by_torque * torque[i, a]
+            v, w = float64(velocity[i, a]), float64(angular_velocity[i, a])
+            f, t = by_force * loads.force[i, a], by_torque * loads.torque[i, a]
             speed2 += v * v
             spin2 += w * w
             a2 += f * f
@@ -334,50 +397,48 @@ def look_at_particles(
     for c in range(8):
         total = block_total(columns[c], shared)
         if cuda.threadIdx.x == 0:
-            partial[cuda.blockIdx.x, c] = total
+            partial_out[cuda.blockIdx.x, c] = total
 
 
 @_compiled_once
-def look_at_pairs_kernel(features: Features) -> Any:
-    """Contacts in reach, largest overlap [m] and stored energy [J], block by block."""
+def reduce_pairs_kernel(features: Features) -> Any:
+    """Contacts in reach, largest overlap [m] and stored energy [J], bonds apart, block by block."""
 
     @cuda.jit(cache=True)
-    def look_at_pairs(
-        count, slice_start, neighbour, history, position, common_radius, common_law, mixture, period, partial
-    ):
+    def reduce_pairs(rows, position, common_law, mixture, period, partial_out):
         shared = cuda.shared.array(THREADS, float64)
         contacts, largest, energy = 0.0, 0.0, 0.0
         for i in range(cuda.grid(1), position.shape[0], cuda.gridsize(1)):
-            at = slice_start[i // WARP] + i % WARP
-            for _ in range(count[i]):
-                listed = neighbour[at]
+            at = rows.slice_start[i // WARP] + i % WARP
+            for _ in range(rows.count[i]):
+                listed = rows.neighbour[at]
                 j = listed if listed >= 0 else ~listed
                 if i < j:
                     dy = position[j, 1] - position[i, 1]
-                    if features.periodic.ndim == 2:
+                    if is_periodic(features):
                         dy = nearest_image(dy, period)
                     dx, dz = position[j, 0] - position[i, 0], position[j, 2] - position[i, 2]
-                    first, second, law = pair_of(i, j, common_radius, common_law, mixture, features)
+                    first, second, law = pair_of(i, j, common_law, mixture, features)
                     overlap = first + second - math.sqrt(dx * dx + dy * dy + dz * dz)
                     largest = max(largest, overlap)
                     if overlap > -reach(0.0, law, features):
                         contacts += 1.0
-                        energy += normal_potential(overlap, (), law, features)
-                        if listed >= 0:
-                            shear = (
-                                float64(history[0, at]), float64(history[1, at]), float64(history[2, at])
-                            )  # fmt: skip
-                            roll = (
-                                float64(history[3, at]), float64(history[4, at]), float64(history[5, at])
-                            )  # fmt: skip
-                            energy += spring_energy(overlap, shear, roll, law)
+                        column = rows.history[:, at]
+                        kept = 1.0 if listed >= 0 else 0.0
+                        state = ContactState(
+                            (kept * column[0], kept * column[1], kept * column[2]),
+                            (kept * column[3], kept * column[4], kept * column[5]),
+                            own_at(column, SPRINGS, 1, kept, law),
+                        )
+                        energy += normal_potential(overlap, state, law, features)
+                        energy += spring_energy(overlap, state, law)
                 at += WARP
         contacts = block_total(contacts, shared)
         energy = block_total(energy, shared)
         largest = block_largest(largest, shared)
         if cuda.threadIdx.x == 0:
-            partial[cuda.blockIdx.x, 0] = contacts
-            partial[cuda.blockIdx.x, 1] = largest
-            partial[cuda.blockIdx.x, 2] = energy
+            partial_out[cuda.blockIdx.x, 0] = contacts
+            partial_out[cuda.blockIdx.x, 1] = largest
+            partial_out[cuda.blockIdx.x, 2] = energy
 
-    return look_at_pairs
+    return reduce_pairs

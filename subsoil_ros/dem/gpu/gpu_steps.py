@@ -1,7 +1,6 @@
 """Soil steps on a GPU: motions of a tick go in, loads of the tools come out, all else stays on the device."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -12,14 +11,14 @@ from ..cpu_steps import CpuSteps, tools_left_their_lists
 from ..model import SoilModel
 from ..monitors import MotionSums, refuse_lost_numbers
 from ..neighbours import CellGrid, slab_starts
-from ..particles import PairList, Particles, WallList
+from ..particles import PairList, Particles
 from ..state import SoilState
 from ..step_checks import StepChecks
+from ..tools.motion import Motion
 from ..walls import CHUNKS
 from .convert import half_rows, wall_pairs
 from .device import refuse_without_gpu
 from .device_soil import DeviceSoil
-from .forces import TOOL_SUMS
 
 _HEADROOM = 0.25
 """Height over the bed that has cells of its own, in heights of the bed: for soil that a tool heaps up. What
@@ -43,10 +42,9 @@ class GpuSteps:
 
     def __init__(self, model: SoilModel, state: SoilState, threads: int) -> None:
         refuse_without_gpu()
-        without_memory = [kind for kind, law in BUILT_IN.items() if not law.kept]
-        if model.soil.law.kind not in without_memory:
+        if model.soil.law.kind not in BUILT_IN:
             raise InputError(
-                f"soil.device: 'gpu' computes the contact laws {', '.join(without_memory)}, not "
+                f"soil.device: 'gpu' computes the contact laws {', '.join(BUILT_IN)}, not "
                 f"'{model.soil.law.kind}'; use 'cpu'"
             )
         self._model, self.state, self._host = model, state, CpuSteps(model, state, threads)
@@ -54,7 +52,7 @@ class GpuSteps:
         self._particles_are_there = False  # those here are old
         self._lists_are_there = False
         self._steps_done = 0  # on this device
-        self._looked: np.ndarray | None = None  # sums over particles, until they move
+        self._sums: np.ndarray | None = None  # over particles, until they move
         self._restored_slabs: np.ndarray | None = (
             None  # of lists that came from here, until there are new ones
         )
@@ -68,9 +66,11 @@ class GpuSteps:
         if self._device is None:
             state = self.state
             state.flush_books()  # what a CPU has not booked yet
+            if state.bonds is not None:
+                state.bonds.flush()
             device = self._new_device()
             self._restored_slabs = state.pairs.slab_start
-            device.put_lists(state.pairs, state.walls, [tool.near for tool in state.tools], state.wall_force)
+            device.put_lists(state)
             self._lists_are_there = True
         assert self._device is not None
         return self._device
@@ -78,11 +78,9 @@ class GpuSteps:
     def _new_device(self) -> DeviceSoil:
         """Put a soil with the particles and tools of the host on the device, its lists still to be built."""
         self._device = None  # frees its memory first
-        state = self.state
-        tools = [(tool.facets, len(tool.mesh.groups)) for tool in state.tools]
-        self._device = device = DeviceSoil(self._model, state, self._grid(), tools)
+        self._device = device = DeviceSoil(self._model, self.state, self._grid())
         self._particles_are_there = False
-        self._steps_done, self._looked, self._restored_slabs = 0, None, None
+        self._steps_done, self._sums, self._restored_slabs = 0, None, None
         return device
 
     def _grid(self) -> CellGrid:
@@ -114,8 +112,8 @@ class GpuSteps:
         if not self._lists_are_there:
             return
         state, device = self.state, self._soil_there
-        particle, wall, history, force = wall_pairs(device.take_walls(), state.domain.planes)
-        state.walls, state.wall_force = WallList(particle, wall, history), force
+        components = len(self._model.parity)
+        state.walls, state.wall_force = wall_pairs(device.take_walls(), state.domain.planes, components)
         for tool, near in zip(state.tools, device.take_tools(), strict=True):
             tool.near = near
 
@@ -130,7 +128,11 @@ class GpuSteps:
             slabs = self._restored_slabs
             if slabs is None:
                 slabs = slab_starts(lists["cell_start"], device.grid, 1)
-            state.pairs = PairList(*half_rows(lists, self._model.precision), slabs)
+            components, kind = len(self._model.parity), self._model.precision
+            row_start, neighbour, history, of_bonds = half_rows(lists, components, kind)
+            state.pairs = PairList(row_start, neighbour, history, slabs)
+            if state.bonds is not None:
+                state.bonds.take(of_bonds, lists["bond_counts"], len(slabs) - 1)
             state.pair_book = np.zeros((len(slabs) - 1, len(state.sinks)))
             state.wall_book = np.zeros((CHUNKS, len(state.sinks)))
         return self._host
@@ -142,67 +144,75 @@ class GpuSteps:
 
     def rebuild(self, motions: tuple[ToolMotion, ...]) -> None:
         """See Steps."""
-        device, state = self._device or self._new_device(), self.state
-        poses = [tool.kernel_motion(motion)[:4] for tool, motion in zip(state.tools, motions, strict=True)]
-        device.rebuild(poses)
+        state = self.state
+        if state.bonds is not None and state.bonds.known <= state.particles.identity.max(initial=-1):
+            self.to_host().rebuild(motions)  # which makes the bonds of new particles
+            self.from_host()
+            return
+        device = self._device or self._new_device()
+        device.rebuild(self._of_tools(motions))
         for tool, motion in zip(state.tools, motions, strict=True):
             tool.searched_at(motion)
         self._particles_are_there = self._lists_are_there = True
-        self._looked = self._restored_slabs = None
+        self._sums = self._restored_slabs = None
         state.rebuild_count += 1
         self._lasted, self._since = self._since, 0
 
     def damp(self, kept: float) -> None:
         """See Steps."""
         self._soil_there.damp(kept)
-        self._particles_are_there, self._looked = True, None
+        self._particles_are_there, self._sums = True, None
 
     # soil steps
 
     def first_forces(self, motions: tuple[ToolMotion, ...]) -> None:
         """See Steps."""
-        self._soil_there.put_motions([self._of_tools(motions)])
-        self._load_tools(self._soil_there.first_forces(), motions)
+        device = self._soil_there
+        device.put_motions([self._of_tools(motions)])
+        self._load_tools(device.first_forces(), motions)
+        device.take_books()  # contacts that begin pressed have yielded before
+        for tool in self.state.tools:
+            tool.sinks_joule[:] = 0.0
 
-    def _of_tools(self, motions: tuple[ToolMotion, ...]) -> tuple[Any, ...]:
+    def _of_tools(self, motions: tuple[ToolMotion, ...]) -> tuple[Motion, ...]:
         return tuple(tool.kernel_motion(at) for tool, at in zip(self.state.tools, motions, strict=True))
 
-    def _load_tools(self, felt: np.ndarray, motions: tuple[ToolMotion, ...]) -> None:
-        """Add the loads `felt` (columns,) of all tools: forces by group, moment, sums."""
-        first = 0
+    def _load_tools(self, loads: np.ndarray, motions: tuple[ToolMotion, ...]) -> None:
+        """Add the loads `loads` (columns,) of all tools: forces by group, moment, sums."""
+        first, sums = 0, len(self.state.sinks) + 2
         for tool, at in zip(self.state.tools, motions, strict=True):
             of_groups = 3 * len(tool.mesh.groups)
-            by_group, rest = felt[first : first + of_groups], felt[first + of_groups :]
-            self.state.load_tool(tool, by_group.reshape(-1, 3), rest[:3], rest[3:TOOL_SUMS], at)
-            first += of_groups + TOOL_SUMS
+            by_group, rest = loads[first : first + of_groups], loads[first + of_groups :]
+            self.state.load_tool(tool, by_group.reshape(-1, 3), rest[:3], rest[3 : 3 + sums], at)
+            first += of_groups + 3 + sums
 
     def advance(self, tick: int, way: Sequence[tuple[ToolMotion, ...]], checks: StepChecks) -> None:
         """See Steps."""
         device, done = self._soil_there, 0
         device.put_motions([self._of_tools(at) for at in way])
         while done < len(way):
-            self._particles_are_there, self._looked = True, None
+            self._particles_are_there, self._sums = True, None
             wanted = self._steps_to_launch(done, checks.first_refused(tick, done, way), way)
             if wanted > 0:
                 device.run_steps(wanted)
             else:
                 device.drift_only()
-            told, felt = device.report()
+            told, loads = device.report()
             reached = told["steps"] - self._steps_done
             rebuilt = bool(told["halted"]) or wanted == 0
             self._since += reached - done
-            # a step to look at is the last of those launched: where it halted there is none
+            # a step to check is the last of those launched: where it halted there is none
             for s in range(done, reached):
-                self._end_step(tick, s, felt[s], way[s], checks)
+                self._end_step(tick, s, loads[s], way[s], checks)
             if rebuilt:
                 if told["lost"]:
                     refuse_lost_numbers(checks.where(tick, reached + 1), device.take_particles())
                 self.rebuild(way[reached])
                 device.finish_step()
-                told, felt = device.report()
+                told, loads = device.report()
                 if self.state.monitor is not None:
                     self.state.monitor.note_rebuild()
-                self._end_step(tick, reached, felt[reached], way[reached], checks)
+                self._end_step(tick, reached, loads[reached], way[reached], checks)
                 reached += 1
             done = reached
         self._steps_done += len(way)
@@ -218,12 +228,12 @@ class GpuSteps:
         return min(end - done, left, left if monitor is None else monitor.steps_until_due())
 
     def _end_step(
-        self, tick: int, s: int, felt: np.ndarray, at: tuple[ToolMotion, ...], checks: StepChecks
+        self, tick: int, s: int, loads: np.ndarray, at: tuple[ToolMotion, ...], checks: StepChecks
     ) -> None:
         """Finish soil step s, counted from 0, on the CPU."""
         if s + 1 == self._model.soil_steps:
             checks.keep_last_step_only()
-        self._load_tools(felt, at)
+        self._load_tools(loads, at)
         checks.end(tick, s + 1)
 
     # readings
@@ -235,31 +245,34 @@ class GpuSteps:
     def flush_books(self) -> None:
         """See Steps."""
         if self._model.booked:
-            self.state.sinks += self._soil_there.take_books()
+            sinks, of_bonds = self._soil_there.take_books()
+            self.state.sinks += sinks
+            if self.state.bonds is not None:
+                self.state.bonds.lost_joule += of_bonds
 
-    def _look(self) -> np.ndarray:
-        if self._looked is None:
-            self._looked = self._soil_there.look_at_particles()
-        return self._looked
+    def _reduced(self) -> np.ndarray:
+        if self._sums is None:
+            self._sums = self._soil_there.reduce_particles()
+        return self._sums
 
     def motion_sums(self) -> MotionSums:
         """See Steps."""
-        return MotionSums(*self._look()[:5].tolist())
+        return MotionSums(*self._reduced()[:5].tolist())
 
     def any_outside(self) -> bool:
         """See Steps."""
-        return bool(self._look()[7] > 0.0)
+        return bool(self._reduced()[7] > 0.0)
 
     def moving_joule(self) -> tuple[float, float]:
         """See Steps."""
-        _, _, _, _, _, kinetic, height, _ = self._look().tolist()
+        _, _, _, _, _, kinetic, height, _ = self._reduced().tolist()
         return kinetic, self._model.gravity_m_per_s2 * height
 
     def contacts(self) -> tuple[int, float]:
         """See Steps."""
-        contacts, largest, _ = self._soil_there.look_at_pairs()
+        contacts, largest, _ = self._soil_there.reduce_pairs()
         return contacts, largest
 
     def stored_in_pairs_joule(self) -> float:
         """See Steps."""
-        return self._soil_there.look_at_pairs()[2]
+        return self._soil_there.reduce_pairs()[2]

@@ -5,7 +5,9 @@ place. Rows stand in slices of WARP particles, as wide as the longest of them: p
 is at slice_start[i // WARP] + WARP k + i % WARP, side by side in memory for the particles of a warp.
 
 A partner out of reach is listed as ~j: the pair's springs are zero, whatever stands in the history. Those
-of a pair are kept twice, for both sides alike, as of the particle with the lower number against the other.
+of a pair, and its bond, are kept twice, for both sides alike, as of the particle with the lower number.
+
+Kernels write to arguments that end in _out.
 """
 
 from typing import NamedTuple
@@ -13,12 +15,13 @@ from typing import NamedTuple
 import numpy as np
 from numba import cuda, float32
 
-from ...contact_laws.base import SPRINGS
 from ..neighbours import axis_cell
+from ..particles import Kinematics, Loads
 from ..per_particle import of_particle
 from ..periodic import nearest_image
 from ..tools.facets import closest_feature
 from ..tools.forces import CONTACTS
+from ..tools.motion import into_body, motion_at
 from ..walls import WALLS
 from .device import WARP
 
@@ -30,7 +33,7 @@ class OnDevice(NamedTuple):
 
     position: object
     velocity: object
-    spin: object
+    angular_velocity: object
     force: object
     torque: object
     built_position: object
@@ -41,6 +44,24 @@ class OnDevice(NamedTuple):
     mass: object
     inertia: object
     material: object
+
+    @property
+    def kinematics(self) -> Kinematics:
+        """Places and velocities."""
+        return Kinematics(self.position, self.velocity, self.angular_velocity)  # type: ignore[arg-type]
+
+    @property
+    def loads(self) -> Loads:
+        """Forces and torques."""
+        return Loads(self.force, self.torque)  # type: ignore[arg-type]
+
+
+class Reach(NamedTuple):
+    """How near partners are [m]: centres closer than `reach`, less what their radii lack to the largest."""
+
+    reach: float
+    largest: float
+    radius: object  # of each particle (n,), or of all
 
 
 @cuda.jit(cache=True)
@@ -105,7 +126,7 @@ def reorder(order, old, new, unequal):
         for a in range(3):
             new.position[i, a] = old.position[k, a]
             new.velocity[i, a] = old.velocity[k, a]
-            new.spin[i, a] = old.spin[k, a]
+            new.angular_velocity[i, a] = old.angular_velocity[k, a]
             new.force[i, a] = old.force[k, a]
             new.torque[i, a] = old.torque[k, a]
             new.built_position[i, a] = float32(old.position[k, a])
@@ -120,29 +141,53 @@ def reorder(order, old, new, unequal):
 
 
 @cuda.jit(device=True)
-def _carry(i, j, at, order, neighbour, history, old_count, old_start, old_neighbour, old_history):
-    """Lists j as the partner at `at` of particle i, with the springs that the pair had."""
+def _carry(i, j, at, order, components, parity, old, rows_out):
+    """Lists j as the partner at `at` of particle i, with the springs and the bond that the pair had."""
+    numbers = parity.shape[0]
     first, second = order[i], order[j]
-    spot = old_start[first // WARP] + first % WARP
-    neighbour[at] = ~j
-    for _ in range(old_count[first]):
-        if old_neighbour[spot] == second:
+    spot = old.slice_start[first // WARP] + first % WARP
+    rows_out.neighbour[at] = ~j
+    for a in range(components, numbers):
+        rows_out.history[a, at] = 0.0
+    for _ in range(old.count[first]):
+        listed = old.neighbour[spot]
+        active = listed >= 0
+        if (listed if active else ~listed) == second:
             turned = (first < second) != (i < j)
-            for a in range(SPRINGS):
-                kept = old_history[a, spot]
-                history[a, at] = -kept if turned else kept
-            neighbour[at] = j
+            for a in range(0 if active else components, numbers):
+                kept = old.history[a, spot]
+                rows_out.history[a, at] = parity[a] * kept if turned else kept
+            if numbers > components and rows_out.history[components, at] < 0.0:
+                rows_out.history[components, at] = 0.0  # a broken bond, which count_bonds counts
+            if active:
+                rows_out.neighbour[at] = j
             return
         spot += WARP
 
 
 @cuda.jit(cache=True)
-def list_partners(
-    fill, position, radius, largest, grid, cell_start, reach, count, slice_start, neighbour, history,
-    order, old_count, old_start, old_neighbour, old_history,
-):  # fmt: skip
-    """Partners closer than `reach` [m], less what their radii lack to the `largest`: counted into `count`, or
-    with `fill` listed as far as there is room."""
+def count_bonds(order, components, old, old_counts, counts_out):
+    """Bonds made and broken (n, 2) of each particle, with those that broke since its lists were built."""
+    i = cuda.grid(1)
+    if i < order.shape[0]:
+        k = order[i]
+        broken = old_counts[k, 1]
+        spot = old.slice_start[k // WARP] + k % WARP
+        for _ in range(old.count[k]):
+            if old.history[components, spot] < 0.0:
+                broken += 1
+            spot += WARP
+        counts_out[i, 0], counts_out[i, 1] = old_counts[k, 0], broken
+
+
+@cuda.jit(cache=True)
+def list_partners(fill, position, reaches, grid, cell_start, order, components, parity, old, rows_out):
+    """Partners in reach: counted, or with `fill` listed as far as there is room.
+
+    parity (numbers,): see dem.contact.history_parity; behind those of contacts, the first `components`, those
+    of bonds.
+    """
+    reach, largest, radius = reaches
     i = cuda.grid(1)
     if i >= position.shape[0]:
         return
@@ -169,15 +214,12 @@ def list_partners(
                     allowed = allowed_here - (largest - of_particle(radius, j))
                     if dx * dx + dy * dy + dz * dz < allowed * allowed:
                         if fill:
-                            at = slice_start[i // WARP] + WARP * found + i % WARP
-                            if at < neighbour.shape[0]:
-                                _carry(
-                                    i, j, at, order, neighbour, history,
-                                    old_count, old_start, old_neighbour, old_history,
-                                )  # fmt: skip
+                            at = rows_out.slice_start[i // WARP] + WARP * found + i % WARP
+                            if at < rows_out.neighbour.shape[0]:
+                                _carry(i, j, at, order, components, parity, old, rows_out)
                         found += 1
     if not fill:
-        count[i] = found
+        rows_out.count[i] = found
 
 
 @cuda.jit(cache=True)
@@ -192,97 +234,93 @@ def slice_widths(count, width):
 
 
 @cuda.jit(cache=True)
-def find_near_walls(position, planes, reach, near):
-    """`near` (n,) 1 where a wall is closer than `reach` [m], else 0."""
+def find_near_walls(position, held, planes, reach, near_out):
+    """`near_out` (n,) 1 where a wall is closer than `reach` [m] to a particle that is not `held`, else 0."""
     i = cuda.grid(1)
     if i < position.shape[0]:
-        near[i] = 0
+        near_out[i] = 0
         for wall in range(_WALLS):
             gap = planes[wall, 3]
             for a in range(3):
                 gap -= planes[wall, a] * position[i, a]
-            if gap < reach:
-                near[i] = 1
+            if gap < reach and not (i < held.shape[0] and held[i]):
+                near_out[i] = 1
 
 
 @cuda.jit(cache=True)
-def list_near_walls(near, row, order, particle, held, springs, old_row, old_held, old_springs):
-    """Rows of the particles near walls, with the springs they had: held (rows,) has a bit for each wall,
-    springs (WALLS * SPRINGS, rows)."""
+def list_near_walls(near, order, old, walls_out):
+    """Rows of the particles near walls, with the springs they had."""
     i = cuda.grid(1)
-    if i < near.shape[0] and near[i] and row[i] < particle.shape[0]:
+    row = walls_out.row
+    if i < near.shape[0] and near[i] and row[i] < walls_out.particle.shape[0]:
         to, k = row[i], order[i]
-        particle[to], held[to] = i, 0
-        if old_row[k + 1] > old_row[k] and old_row[k] < old_held.shape[0]:
-            here = old_row[k]
-            held[to] = old_held[here]
-            for a in range(_WALLS * SPRINGS):
-                springs[a, to] = old_springs[a, here]
+        walls_out.particle[to], walls_out.active[to] = i, 0
+        if old.row[k + 1] > old.row[k] and old.row[k] < old.active.shape[0]:
+            here = old.row[k]
+            walls_out.active[to] = old.active[here]
+            for a in range(old.springs.shape[0]):
+                walls_out.springs[a, to] = old.springs[a, here]
 
 
 @cuda.jit(cache=True)
-def find_near_tool(position, pose, low, high, corner, centre, extent, reach, near, facets_near):
-    """`facets_near` (n,): facets closer than `reach` [m]; `near` 1 where there are any.
+def find_near_tool(position, pose, surface, reach, near_out, facets_near_out):
+    """`facets_near_out` (n,): facets closer than `reach` [m]; `near_out` 1 where there are any.
 
-    pose (4,): x, z [m], cosine, sine of the body. In its frame: low, high (3,) corners of the tool's box;
-    centre (m, 3) and extent (m,) [m] of a ball around each facet.
+    pose: one motion of the tool for tools.motion.motion_at.
     """
     i = cuda.grid(1)
     if i >= position.shape[0]:
         return
-    dx, dz = position[i, 0] - pose[0], position[i, 2] - pose[1]
-    x, y, z = pose[2] * dx + pose[3] * dz, position[i, 1], pose[2] * dz - pose[3] * dx
+    low, high = surface.low, surface.high
+    x, y, z = into_body(motion_at(pose[0]), position[i, 0], position[i, 1], position[i, 2])
     found = 0
     inside = x > low[0] - reach and y > low[1] - reach and z > low[2] - reach
     if inside and x < high[0] + reach and y < high[1] + reach and z < high[2] + reach:
-        for m in range(corner.shape[0]):
-            if _near_facet(x, y, z, m, corner, centre, extent, reach):
+        for m in range(surface.corner.shape[0]):
+            if _near_facet(x, y, z, m, surface, reach):
                 found += 1
-    facets_near[i] = found
-    near[i] = 1 if found > 0 else 0
+    facets_near_out[i] = found
+    near_out[i] = 1 if found > 0 else 0
 
 
 @cuda.jit(device=True)
-def _near_facet(x, y, z, m, corner, centre, extent, reach):
-    ball = reach + extent[m]
+def _near_facet(x, y, z, m, surface, reach):
+    centre, ball = surface.centre, reach + surface.extent[m]
     dx, dy, dz = x - centre[m, 0], y - centre[m, 1], z - centre[m, 2]
     if dx * dx + dy * dy + dz * dz >= ball * ball:
         return False
-    qx, qy, qz, _ = closest_feature(x, y, z, corner[m])
+    qx, qy, qz, _ = closest_feature(x, y, z, surface.corner[m])
     return (x - qx) * (x - qx) + (y - qy) * (y - qy) + (z - qz) * (z - qz) < reach * reach
 
 
 @cuda.jit(cache=True)
-def list_near_tool(
-    position, pose, corner, centre, extent, reach, near, row, first_facet, order,
-    particle, facet_start, facet, active, normal, shear, roll,
-    old_row, old_active, old_normal, old_shear, old_roll,
-):  # fmt: skip
-    """Candidates of a tool as in dem.state.ToolList, with the contacts they had."""
+def list_near_tool(position, pose, surface, reach, near, first_facet, order, old, rows_out):
+    """Candidates of a tool as in dem.particles.ToolList, with the contacts they had."""
     i = cuda.grid(1)
     n = position.shape[0]
-    if i == n - 1 and row[n] < facet_start.shape[0]:
-        facet_start[row[n]] = first_facet[n]
-    if i >= n or near[i] == 0 or row[i] >= particle.shape[0]:
+    row, facet = rows_out.row, rows_out.facet
+    if i == n - 1 and row[n] < rows_out.facet_start.shape[0]:
+        rows_out.facet_start[row[n]] = first_facet[n]
+    if i >= n or near[i] == 0 or row[i] >= rows_out.particle.shape[0]:
         return
     to, k = row[i], order[i]
-    dx, dz = position[i, 0] - pose[0], position[i, 2] - pose[1]
-    x, y, z = pose[2] * dx + pose[3] * dz, position[i, 1], pose[2] * dz - pose[3] * dx
-    particle[to], facet_start[to] = i, first_facet[i]
+    x, y, z = into_body(motion_at(pose[0]), position[i, 0], position[i, 1], position[i, 2])
+    rows_out.particle[to], rows_out.facet_start[to] = i, first_facet[i]
     at = first_facet[i]
-    for m in range(corner.shape[0]):
-        if _near_facet(x, y, z, m, corner, centre, extent, reach):
+    for m in range(surface.corner.shape[0]):
+        if _near_facet(x, y, z, m, surface, reach):
             if at < facet.shape[0]:
                 facet[at] = m
             at += 1
-    known = old_row[k + 1] > old_row[k] and old_row[k] < old_active.shape[0]
-    here = old_row[k] if known else 0
+    known = old.row[k + 1] > old.row[k] and old.row[k] < old.active.shape[0]
+    here = old.row[k] if known else 0
     for s in range(CONTACTS):
-        active[to, s] = known and old_active[here, s]
+        rows_out.active[to, s] = known and old.active[here, s]
         for a in range(3):
-            normal[to, s, a] = old_normal[here, s, a] if known else 0.0
-            shear[to, s, a] = old_shear[here, s, a] if known else 0.0
-            roll[to, s, a] = old_roll[here, s, a] if known else 0.0
+            rows_out.normal[to, s, a] = old.normal[here, s, a] if known else 0.0
+            rows_out.shear[to, s, a] = old.shear[here, s, a] if known else 0.0
+        for a in range(rows_out.rolling.shape[2]):
+            rows_out.rolling[to, s, a] = old.rolling[here, s, a] if known else 0.0
 
 
 @cuda.jit(cache=True)

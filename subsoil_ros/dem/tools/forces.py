@@ -9,16 +9,18 @@ of a thin share. Geometry and histories live in the tool's body frame.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit, prange
 
-from ...contact_laws.base import SHARED_SINKS
+from ...contact_laws.base import SHARED_SINKS, ContactMotion, ContactState
+from ...contact_laws.features import books_energy
 from ..compiled import inner_kernel
-from ..contact import contact, kept_at, normal_potential, put_kept, reach, spring_energy
-from ..mixture import sphere_of
+from ..contact import contact, normal_potential, own_at, put_own, reach, spring_energy
+from ..mixture import ContactModel, sphere_of
 from .facets import closest_feature
-from .motion import centre_of, into_body, spin_of, turned_in, turned_out, velocity_at
+from .motion import angular_velocity_of, centre_of, into_body, turned_in, turned_out, velocity_at
 
 CONTACTS = 4
 """Contacts of one particle with one tool that are kept; a convex body gives at most three."""
@@ -26,7 +28,7 @@ CONTACTS = 4
 _CHUNKS = 32
 """Fixed split of the candidates, whatever the number of threads."""
 
-_DEEPEST = SHARED_SINKS + 1
+DEEPEST = SHARED_SINKS + 1
 """Place of the largest overlap among the sums of a tool."""
 
 CANDIDATES = 12
@@ -52,6 +54,22 @@ _JOINED = 1e-3
 _SAME_NORMAL = 0.7
 """Least cosine between normals of a contact and the one it continues: its springs pass between facets that
 meet at less than 45 degrees."""
+
+
+class ToolLoads(NamedTuple):
+    """Load of the soil on a tool, about its centre of mass, world axes; a first axis more is of parts."""
+
+    group_force: np.ndarray  # (groups, 3) [N]
+    moment: np.ndarray  # (3,) [N m]
+    sums: np.ndarray  # sinks of all laws [J], contacts, largest overlap [m], sinks of this law [J]
+
+
+class Room(NamedTuple):
+    """Room to work in, of one thread."""
+
+    found: np.ndarray  # (CANDIDATES, FOUND)
+    shear: np.ndarray  # (CONTACTS, 3), and the next: springs as they were
+    rolling: np.ndarray  # (CONTACTS, 3 + own numbers of the law)
 
 
 @inner_kernel()
@@ -102,14 +120,15 @@ def _enters(p, d, near, corner, normal):
 
 
 @inner_kernel()
-def _is_hidden(p, d, distance, joined, facets, m, first, last, facet):
+def _is_hidden(row, p, d, distance, joined, near, facets, m):
     """Whether another part of the tool covers the point p + d [m] of facet m, or goes on from it towards p.
 
-    Parts that are nearer to each other than `joined` [m] are one surface.
+    Only facets of candidate `row` may do so. Parts that are nearer to each other than `joined` [m] are one
+    surface.
     """
     x, y, z = p[0] + d[0], p[1] + d[1], p[2] + d[2]
-    for q in range(first, last):
-        other = facet[q]
+    for q in range(near.facet_start[row], near.facet_start[row + 1]):
+        other = near.facet[q]
         if facets.part[other] == facets.part[m]:
             continue
         if _enters(p, d, joined / distance, facets.corner[other], facets.normal[other]):
@@ -149,14 +168,16 @@ def _one_of_each_direction(found, out):
 
 
 @inner_kernel()
-def _find_contacts(px, py, pz, facets, first, last, facet, reach, was_active, was_normal, out):
-    """Contacts of a centre p [m, body frame] with the facets facet[first:last].
+def _find_contacts(row, p, reach, near, facets, out):
+    """Contacts of a centre p [m, body frame] with the facets of its candidate `row`.
 
     Returns the number found; rows of out (CANDIDATES, FOUND), but for the slot's normal.
     """
+    px, py, pz = p
+    was_active, was_normal = near.active[row], near.normal[row]
     found = 0
-    for q in range(first, last):
-        m = facet[q]
+    for q in range(near.facet_start[row], near.facet_start[row + 1]):
+        m = near.facet[q]
         qx, qy, qz, kind = closest_feature(px, py, pz, facets.corner[m])
         dx, dy, dz = qx - px, qy - py, qz - pz
         distance = math.sqrt(dx * dx + dy * dy + dz * dz)
@@ -167,7 +188,7 @@ def _find_contacts(px, py, pz, facets, first, last, facet, reach, was_active, wa
         if kind == 0 or (height < 0.0 and distance + height < 1e-12):  # also behind the seam of a flat face
             nx, ny, nz, distance = -nx, -ny, -nz, height
         else:
-            if distance == 0.0 or not _is_nearest((px, py, pz), (dx, dy, dz), distance, facets, m, kind):
+            if distance == 0.0 or not _is_nearest(p, (dx, dy, dz), distance, facets, m, kind):
                 continue
             nx, ny, nz = dx / distance, dy / distance, dz / distance
         slot, best = -1, _SAME_NORMAL
@@ -180,7 +201,7 @@ def _find_contacts(px, py, pz, facets, first, last, facet, reach, was_active, wa
             continue  # seen from behind: another face holds this particle
         if distance > 0.0 and len(facets.part) > 0:
             d, joined = (distance * nx, distance * ny, distance * nz), _JOINED * reach
-            if _is_hidden((px, py, pz), d, distance, joined, facets, m, first, last, facet):
+            if _is_hidden(row, p, d, distance, joined, near, facets, m):
                 continue
         place = found
         if found == CANDIDATES:  # in place of the shallowest
@@ -197,54 +218,79 @@ def _find_contacts(px, py, pz, facets, first, last, facet, reach, was_active, wa
 
 
 @inner_kernel()
-def _candidate(
-    row, i, found, out, position, velocity, spin, force, torque, motion, active, normal, shear, roll,
-    old_shear, old_roll, radius, step, law, features, group_force, moment, sums,
-):  # fmt: skip
-    """Applies the contacts `out` of particle i. `sums`: sinks of all laws, contacts, largest overlap,
-    sinks of this law."""
-    x0, y0, z0 = centre_of(motion)
-    ox, oy, oz = spin_of(motion)
+def _set_aside(row, near, room):
+    """Moves the springs of a candidate to `room`; those of inactive contacts are zero there."""
     for s in range(CONTACTS):
         for a in range(3):
-            old_shear[s, a] = shear[row, s, a] if active[row, s] else 0.0
-        for a in range(roll.shape[2]):
-            old_roll[s, a] = roll[row, s, a] if active[row, s] else 0.0
-        active[row, s] = False
+            room.shear[s, a] = near.shear[row, s, a] if near.active[row, s] else 0.0
+        for a in range(near.rolling.shape[2]):
+            room.rolling[s, a] = near.rolling[row, s, a] if near.active[row, s] else 0.0
+        near.active[row, s] = False
+
+
+@inner_kernel()
+def _take_springs(slot, tool_motion, room, law):
+    """ContactState of the contact that was in this slot, none if it is negative; the slot is then empty."""
+    old_shear, old_rolling = room.shear, room.rolling
+    sx, sy, sz, tx, ty, tz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    own = own_at(old_rolling[max(slot, 0)], 3, 1, 1.0 if slot >= 0 else 0.0, law)
+    if slot >= 0:
+        sx, sy, sz = old_shear[slot, 0], old_shear[slot, 1], old_shear[slot, 2]
+        tx, ty, tz = old_rolling[slot, 0], old_rolling[slot, 1], old_rolling[slot, 2]
+        for a in range(3):  # a slot continues in one contact only
+            old_shear[slot, a] = 0.0
+        for a in range(old_rolling.shape[1]):
+            old_rolling[slot, a] = 0.0
+    return ContactState(turned_out(tool_motion, sx, sy, sz), turned_out(tool_motion, tx, ty, tz), own)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def row_forces(row, near, facets, tool_motion, kinematics, model, room, loads_out, load_out):
+    """Adds the forces of the tool on candidate `row`, and their reaction on the tool."""
+    position, velocity, angular_velocity = kinematics
+    force, torque = loads_out
+    group_force, moment, sums = load_out
+    common_law, mixture, features, step = model
+    i = near.particle[row]
+    radius, law = sphere_of(i, common_law, mixture, features)
+    place = into_body(tool_motion, position[i, 0], position[i, 1], position[i, 2])
+    found = _find_contacts(row, place, reach(radius, law, features), near, facets, room.found)
+    _set_aside(row, near, room)
+    x0, y0, z0 = centre_of(tool_motion)
+    ox, oy, oz = angular_velocity_of(tool_motion)
     for k in range(found):
-        bx, by, bz = out[k, 0], out[k, 1], out[k, 2]
-        distance, group, slot = out[k, 3], int(out[k, 4]), int(out[k, 5])
-        nx, ny, nz = turned_out(motion, bx, by, bz)
+        bx, by, bz, distance = room.found[k, 0], room.found[k, 1], room.found[k, 2], room.found[k, 3]
+        group, slot = int(room.found[k, 4]), int(room.found[k, 5])
+        nx, ny, nz = turned_out(tool_motion, bx, by, bz)
+
+        # velocity at the contact point, which is at r from the body's centre of mass
         arm = 0.5 * (radius + distance)
-        # contact point against the body's centre of mass
         rx = position[i, 0] + arm * nx - x0
         ry = position[i, 1] + arm * ny - y0
         rz = position[i, 2] + arm * nz - z0
-        wx, wy, wz = spin[i, 0], spin[i, 1], spin[i, 2]
-        ux, uy, uz = velocity_at(motion, rx, ry, rz)
+        wx, wy, wz = angular_velocity[i, 0], angular_velocity[i, 1], angular_velocity[i, 2]
+        ux, uy, uz = velocity_at(tool_motion, rx, ry, rz)
         relative = (
             velocity[i, 0] + arm * (wy * nz - wz * ny) - ux,
             velocity[i, 1] + arm * (wz * nx - wx * nz) - uy,
             velocity[i, 2] + arm * (wx * ny - wy * nx) - uz,
         )
-        sx, sy, sz, tx, ty, tz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        kept = kept_at(old_roll[max(slot, 0)], 3, 1, 1.0 if slot >= 0 else 0.0, law)
-        if slot >= 0:
-            sx, sy, sz = old_shear[slot, 0], old_shear[slot, 1], old_shear[slot, 2]
-            tx, ty, tz = old_roll[slot, 0], old_roll[slot, 1], old_roll[slot, 2]
-            for a in range(3):  # a slot continues in one contact only
-                old_shear[slot, a] = 0.0
-            for a in range(roll.shape[2]):
-                old_roll[slot, a] = 0.0
-        f, m, s, r, kept, sinks = contact(
-            radius - distance, (nx, ny, nz), relative, (wx - ox, wy - oy, wz - oz),
-            turned_out(motion, sx, sy, sz), turned_out(motion, tx, ty, tz), kept, step, law, features,
-        )  # fmt: skip
-        put_kept(kept, 1.0, roll[row, k], 3, 1)
-        active[row, k] = True
-        normal[row, k, 0], normal[row, k, 1], normal[row, k, 2] = bx, by, bz
-        shear[row, k, 0], shear[row, k, 1], shear[row, k, 2] = turned_in(motion, s[0], s[1], s[2])
-        roll[row, k, 0], roll[row, k, 1], roll[row, k, 2] = turned_in(motion, r[0], r[1], r[2])
+        motion = ContactMotion((nx, ny, nz), relative, (wx - ox, wy - oy, wz - oz))
+        state = _take_springs(slot, tool_motion, room, law)
+        f, m, state, sinks = contact(radius - distance, motion, state, step, law, features)
+
+        # springs are kept in the tool's frame
+        s, r = state.shear, state.rolling
+        put_own(state.own, 1.0, near.rolling[row, k], 3, 1)
+        near.active[row, k] = True
+        near.normal[row, k, 0], near.normal[row, k, 1], near.normal[row, k, 2] = bx, by, bz
+        near.shear[row, k, 0], near.shear[row, k, 1], near.shear[row, k, 2] = turned_in(
+            tool_motion, s[0], s[1], s[2]
+        )
+        near.rolling[row, k, 0], near.rolling[row, k, 1], near.rolling[row, k, 2] = turned_in(
+            tool_motion, r[0], r[1], r[2]
+        )
+
         for a in range(3):
             force[i, a] += f[a]
             group_force[group, a] -= f[a]
@@ -255,78 +301,53 @@ def _candidate(
         moment[1] -= rz * f[0] - rx * f[2] + m[1]
         moment[2] -= rx * f[1] - ry * f[0] + m[2]
         sums[SHARED_SINKS] += 1.0
-        sums[_DEEPEST] = max(sums[_DEEPEST], radius - distance)
+        sums[DEEPEST] = max(sums[DEEPEST], radius - distance)
         for a in range(SHARED_SINKS):
             sums[a] += sinks[a]
         for a in range(SHARED_SINKS, len(sinks)):
             sums[a + 2] += sinks[a]  # contacts and overlap lie between
-    if features.book.ndim == 2:
+    if books_energy(features):
         for s in range(CONTACTS):
-            sums[4] += spring_energy(0.0, old_shear[s], old_roll[s], law)
+            sums[4] += spring_energy(0.0, _springs_at(room.shear[s], room.rolling[s], law), law)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def row_forces(
-    row, particle, facet_start, facet, facets, motion, position, velocity, spin, force, torque,
-    active, normal, shear, roll, common_radius, step, common_law, mixture, features,
-    out, old_shear, old_roll, group_force, moment, sums,
-):  # fmt: skip
-    """Adds the forces of the tool on candidate `row`, and their reaction on the tool.
-
-    out (CANDIDATES, FOUND), old_shear (CONTACTS, 3) and old_roll, as long as `roll`, are room to work in.
-    """
-    i = particle[row]
-    radius, law = sphere_of(i, common_radius, common_law, mixture, features)
-    px, py, pz = into_body(motion, position[i, 0], position[i, 1], position[i, 2])
-    found = _find_contacts(
-        px, py, pz, facets, facet_start[row], facet_start[row + 1], facet, reach(radius, law, features),
-        active[row], normal[row], out,
-    )  # fmt: skip
-    _candidate(
-        row, i, found, out, position, velocity, spin, force, torque, motion, active, normal, shear,
-        roll, old_shear, old_roll, radius, step, law, features, group_force, moment, sums,
-    )  # fmt: skip
+@inner_kernel(forceinline=True)
+def _springs_at(shear, rolling, law):
+    """ContactState from one contact's rows of arrays as in ToolList."""
+    return ContactState(
+        (shear[0], shear[1], shear[2]), (rolling[0], rolling[1], rolling[2]), own_at(rolling, 3, 1, 1.0, law)
+    )
 
 
 @inner_kernel()
-def _rows_forces(
-    first, last, particle, facet_start, facet, facets, motion, position, velocity, spin, force, torque,
-    active, normal, shear, roll, common_radius, step, common_law, mixture, features,
-    group_force, moment, sums,
-):  # fmt: skip
-    """Candidates first <= row < last; group_force (groups, 3), moment (3,), sums (n,) are theirs alone."""
-    out = np.empty((CANDIDATES, FOUND))
-    old_shear, old_roll = np.empty((CONTACTS, 3)), np.empty((CONTACTS, roll.shape[2]))
-    group_force[:] = 0.0
-    moment[:] = 0.0
-    sums[:] = 0.0
+def _rows_forces(first, last, near, facets, tool_motion, kinematics, model, loads_out, load_out):
+    """Candidates first <= row < last; `load_out` is theirs alone."""
+    own = near.rolling.shape[2]
+    room = Room(np.empty((CANDIDATES, FOUND)), np.empty((CONTACTS, 3)), np.empty((CONTACTS, own)))
+    load_out.group_force[:] = 0.0
+    load_out.moment[:] = 0.0
+    load_out.sums[:] = 0.0
     for row in range(first, last):
-        row_forces(
-            row, particle, facet_start, facet, facets, motion, position, velocity, spin, force, torque,
-            active, normal, shear, roll, common_radius, step, common_law, mixture, features,
-            out, old_shear, old_roll, group_force, moment, sums,
-        )  # fmt: skip
+        row_forces(row, near, facets, tool_motion, kinematics, model, room, loads_out, load_out)
 
 
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def tool_forces(
-    particle, facet_start, facet, facets, position, velocity, spin, force, torque,
-    active, normal, shear, roll, radius, step, law, mixture, features, group_force, moment, sums, motion,
-):  # fmt: skip
-    """Adds the forces of one tool on its candidate particles. `mixture`: see pair_forces.
+def tool_forces(near, facets, kinematics, law, mixture, features, step, loads_out, parts_out, tool_motion):
+    """Adds the forces of one tool on its candidate particles, and updates their springs.
 
-    motion: see tools.motion. The buffers are filled chunk by chunk and summed in order.
+    near: ToolList. law to step: ContactModel. tool_motion: see tools.motion. `parts_out` (ToolLoads) is
+    filled chunk by chunk and summed in order.
 
-    Returns the force of the soil on the tool by group (groups, 3) [N], the moment (3,) [N m] about the
-    body's centre of mass, and (n,): sinks of all laws [J], contacts, largest overlap [m], sinks of this law.
+    Returns the load of the soil on the tool: fields of ToolLoads.
     """
-    count = particle.shape[0]
+    count = near.particle.shape[0]
     for chunk in prange(_CHUNKS):
+        load = ToolLoads(parts_out.group_force[chunk], parts_out.moment[chunk], parts_out.sums[chunk])
         _rows_forces(
-            chunk * count // _CHUNKS, (chunk + 1) * count // _CHUNKS, particle, facet_start, facet, facets,
-            motion, position, velocity, spin, force, torque, active, normal, shear, roll, radius, step, law,
-            mixture, features, group_force[chunk], moment[chunk], sums[chunk],
+            chunk * count // _CHUNKS, (chunk + 1) * count // _CHUNKS, near, facets, tool_motion, kinematics,
+            ContactModel(law, mixture, features, step), loads_out, load,
         )  # fmt: skip
+    group_force, moment, sums = parts_out
     by_group, torque, total = np.zeros(group_force.shape[1:]), np.zeros(3), np.zeros(sums.shape[1])
     for chunk in range(_CHUNKS):
         for group in range(by_group.shape[0]):
@@ -335,33 +356,28 @@ def tool_forces(
         for a in range(3):
             torque[a] += moment[chunk, a]
         for a in range(len(total)):
-            total[a] = max(total[a], sums[chunk, a]) if a == _DEEPEST else total[a] + sums[chunk, a]
+            total[a] = max(total[a], sums[chunk, a]) if a == DEEPEST else total[a] + sums[chunk, a]
     return by_group, torque, total
 
 
-def chunk_buffers(groups: int, sinks: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Arrays that tool_forces fills: group_force, moment, sums."""
-    return np.zeros((_CHUNKS, groups, 3)), np.zeros((_CHUNKS, 3)), np.zeros((_CHUNKS, sinks + 2))
+def parts_of_loads(groups: int, sinks: int) -> ToolLoads:
+    """What tool_forces fills, a row for each part of the candidates."""
+    return ToolLoads(np.zeros((_CHUNKS, groups, 3)), np.zeros((_CHUNKS, 3)), np.zeros((_CHUNKS, sinks + 2)))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def tool_scan(
-    particle, facet_start, facet, facets, motion, position, active, normal, shear, roll,
-    common_radius, common_law, mixture, features,
-):  # fmt: skip
+def tool_scan(near, facets, tool_motion, position, model):
     """Stored energy of one tool's contacts [J]."""
+    common_law, mixture, features, _ = model
     energy = 0.0
     out = np.empty((CANDIDATES, FOUND))
-    for row in range(particle.shape[0]):
-        i = particle[row]
-        radius, law = sphere_of(i, common_radius, common_law, mixture, features)
-        px, py, pz = into_body(motion, position[i, 0], position[i, 1], position[i, 2])
-        found = _find_contacts(
-            px, py, pz, facets, facet_start[row], facet_start[row + 1], facet, reach(radius, law, features),
-            active[row], normal[row], out,
-        )  # fmt: skip
+    for row in range(near.particle.shape[0]):
+        i = near.particle[row]
+        radius, law = sphere_of(i, common_law, mixture, features)
+        place = into_body(tool_motion, position[i, 0], position[i, 1], position[i, 2])
+        found = _find_contacts(row, place, reach(radius, law, features), near, facets, out)
         for k in range(found):  # in the order in which the last step stored them
-            kept = kept_at(roll[row, k], 3, 1, 1.0, law)
-            energy += normal_potential(radius - out[k, 3], kept, law, features)
-            energy += spring_energy(radius - out[k, 3], shear[row, k], roll[row, k], law)
+            state = _springs_at(near.shear[row, k], near.rolling[row, k], law)
+            energy += normal_potential(radius - out[k, 3], state, law, features)
+            energy += spring_energy(radius - out[k, 3], state, law)
     return energy

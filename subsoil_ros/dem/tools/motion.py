@@ -7,16 +7,19 @@ hold nothing of the other.
 
 import math
 
+from numba.extending import overload
+
 from ...errors import PhysicsError, ProtocolError
 from ...messages import SpatialMotion, ToolMotion
 from ...rotations import matrix_of, product, quaternion_of, rotation_between
 from ..compiled import inner_kernel
+from ..contact import compiled_expression
 
 Motion = tuple[float, ...]
 """x [m], z [m], cosine, sine, velocity x, z [m/s], phi rate [rad/s], y [m] of the body; or position [m],
 rotation matrix row by row, velocity [m/s] and angular velocity [rad/s]."""
 
-PLANAR = 8
+PLANAR, SPATIAL = 8, 18
 
 HALF_TURN_RAD = math.pi
 """Rotation in one exchange from which on two poses no longer determine it."""
@@ -33,6 +36,19 @@ def kernel_motion(motion: ToolMotion, reference_angle_rad: float) -> Motion:
         motion.velocity_x_m_per_s, motion.velocity_z_m_per_s, motion.angular_velocity_rad_per_s,
         motion.y_m,
     )  # fmt: skip
+
+
+def motion_at(numbers):
+    """Motion from an array (PLANAR,), or (SPATIAL, 1) of a tool that moves in space."""
+    return tuple(float(number) for number in numbers.flat)
+
+
+@overload(motion_at, inline="always")
+def _motion_at(numbers):
+    places = [f"numbers[{k}]" for k in range(PLANAR)]
+    if numbers.ndim == 2:
+        places = [f"numbers[{k}, 0]" for k in range(SPATIAL)]
+    return compiled_expression("motion_at", "numbers", f"({', '.join(places)})")
 
 
 @inner_kernel()
@@ -107,7 +123,7 @@ def velocity_at(motion, rx, ry, rz):
 
 
 @inner_kernel()
-def spin_of(motion):
+def angular_velocity_of(motion):
     """Angular velocity of the tool [rad/s], world axes."""
     if len(motion) == PLANAR:
         return 0.0, -motion[6], 0.0

@@ -3,11 +3,10 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
-from ...contact_laws.base import SHARED_SINKS, Features
+from ...contact_laws.base import SHARED_SINKS
 from ...errors import PhysicsError
 from ...loading.loader import ResolvedScene
 from ...messages import FacetGroupForce, SpatialMotion, ToolMotion, ToolWrench, work_joule
@@ -16,13 +15,13 @@ from ...scene.soil import Soil
 from ...scene.tool_mesh import ToolMesh, load_tool_mesh
 from ..bed import Bed
 from ..kernel_calls import KernelCalls
-from ..mixture import Mixture
+from ..mixture import ContactModel
 from ..neighbours import CellGrid, carry_rows
 from ..particles import Particles, ToolList
 from ..periodic import refuse_tool_at_held_side, refuse_tool_at_seam
 from ..snapshot import from_named, motion_array, motion_from, named
 from .facets import Facets, facets_of, inside_or_near, near_facets
-from .forces import CONTACTS, chunk_buffers, tool_forces, tool_scan
+from .forces import CONTACTS, parts_of_loads, tool_forces, tool_scan
 from .motion import Motion, kernel_motion
 
 
@@ -54,7 +53,7 @@ class ToolSurface:
     near: ToolList = field(init=False)
     max_overlap_m: float = field(default=0.0, init=False)
     sinks_joule: np.ndarray = field(init=False)
-    felt: ToolLoad = field(init=False)
+    load: ToolLoad = field(init=False)
 
     def __post_init__(self) -> None:
         self.facets = facets_of(self.mesh)
@@ -66,17 +65,17 @@ class ToolSurface:
         about = self.mesh.vertices_m if self.spatial else self.mesh.vertices_m[:, [0, 2]]
         self._radius_m = float(np.linalg.norm(about, axis=1).max())
         self._searched = self.last
-        self._buffers = chunk_buffers(len(self.mesh.groups), self.sink_count)
+        self._parts = parts_of_loads(len(self.mesh.groups), self.sink_count)
         self._kernels = KernelCalls()
         none = np.empty(0, np.int64)
-        normal, shear, roll = (np.zeros((0, CONTACTS, count)) for count in (3, 3, 3 + self.kept))
-        empty = (np.zeros((0, CONTACTS), np.bool_), normal, shear, roll)
+        normal, shear, rolling = (np.zeros((0, CONTACTS, count)) for count in (3, 3, 3 + self.kept))
+        empty = (np.zeros((0, CONTACTS), np.bool_), normal, shear, rolling)
         self.near = ToolList(none, np.zeros(1, np.int64), np.empty(0, np.int32), *empty)
         self.begin_tick()
 
     def begin_tick(self) -> None:
         """Clear the load of the tick before."""
-        self.felt = ToolLoad(np.zeros((len(self.mesh.groups), 3)), np.zeros(3))
+        self.load = ToolLoad(np.zeros((len(self.mesh.groups), 3)), np.zeros(3))
 
     def kernel_motion(self, motion: ToolMotion) -> Motion:
         """`motion` as the kernels take it."""
@@ -95,7 +94,9 @@ class ToolSurface:
             particles.position, cell_start, grid, self.kernel_motion(motion), self.facets.corner, reach
         )
         old = self.near
-        histories = carry_rows(order, old.particle, particle, (old.active, old.normal, old.shear, old.roll))
+        histories = carry_rows(
+            order, old.particle, particle, (old.active, old.normal, old.shear, old.rolling)
+        )
         self.near = ToolList(particle, facet_start, facet, *histories)
         self.searched_at(motion)
 
@@ -116,8 +117,8 @@ class ToolSurface:
     def speed_m_per_s(self, motion: ToolMotion) -> float:
         """Bound on the speed of any point of the surface [m/s]."""
         if self.spatial:
-            spin = math.hypot(*motion.spin_rad_per_s)
-            return math.hypot(*motion.velocity_m_per_s) + self._radius_m * spin
+            turning = math.hypot(*motion.spin_rad_per_s)
+            return math.hypot(*motion.velocity_m_per_s) + self._radius_m * turning
         speed = math.hypot(motion.velocity_x_m_per_s, motion.velocity_z_m_per_s)
         return speed + self._radius_m * abs(motion.angular_velocity_rad_per_s)
 
@@ -154,22 +155,11 @@ class ToolSurface:
         ends = np.append(at[height <= 0.0], at[0, crossing] + part * np.diff(at, axis=0)[0, crossing])
         return float(ends.min(initial=np.inf)), float(ends.max(initial=-np.inf))
 
-    def bind(
-        self,
-        particles: Particles,
-        radius: float,
-        step: float,
-        law: Any,
-        mixture: Mixture,
-        features: Features,
-    ) -> None:
+    def bind(self, particles: Particles, model: ContactModel) -> None:
         """Bind the arrays of `forces`, until particles are sorted, or candidates searched, anew."""
-        near = self.near
         self._tool_forces: Callable[[Motion], tuple[np.ndarray, np.ndarray, np.ndarray]] = self._kernels.bind(
-            tool_forces, near.particle, near.facet_start, near.facet, self.facets,
-            particles.position, particles.velocity, particles.spin, particles.force, particles.torque,
-            near.active, near.normal, near.shear, near.roll, radius, step, law, mixture, features,
-            *self._buffers, varying=(self.kernel_motion(self.last),),
+            tool_forces, self.near, self.facets, particles.kinematics, *model, particles.loads, self._parts,
+            varying=(self.kernel_motion(self.last),),
         )  # fmt: skip
 
     def forces(self, motion: ToolMotion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -179,14 +169,16 @@ class ToolSurface:
         """
         return self._tool_forces(self.kernel_motion(motion))
 
-    def feel(self, by_group: np.ndarray, torque: np.ndarray, sums: np.ndarray, motion: ToolMotion) -> None:
+    def add_load(
+        self, by_group: np.ndarray, torque: np.ndarray, sums: np.ndarray, motion: ToolMotion
+    ) -> None:
         """Sums up what `forces` returned for a step that ends at `motion`."""
         fx, fy, fz = by_group.sum(axis=0).tolist()
-        self.felt.group_force += by_group
-        self.felt.moment += torque
-        self.felt.work_joule += work_joule((fx, fy, fz), torque.tolist(), self.last, motion)
-        self.felt.contacts = int(sums[SHARED_SINKS])
-        self.felt.steps += 1
+        self.load.group_force += by_group
+        self.load.moment += torque
+        self.load.work_joule += work_joule((fx, fy, fz), torque.tolist(), self.last, motion)
+        self.load.contacts = int(sums[SHARED_SINKS])
+        self.load.steps += 1
         self.max_overlap_m = max(self.max_overlap_m, float(sums[SHARED_SINKS + 1]))
         self.sinks_joule += np.delete(sums, (SHARED_SINKS, SHARED_SINKS + 1))
         self.last = motion
@@ -197,16 +189,10 @@ class ToolSurface:
         refuse_tool_at_seam(self.name, vertices, bed, soil)
         refuse_tool_at_held_side(self.name, vertices, soil)
 
-    def stored_joule(
-        self, particles: Particles, radius: float, law: Any, mixture: Mixture, features: Features
-    ) -> float:
+    def stored_joule(self, particles: Particles, model: ContactModel) -> float:
         """Energy in this tool's contacts [J]."""
-        near = self.near
-        return tool_scan(
-            near.particle, near.facet_start, near.facet, self.facets, self.kernel_motion(self.last),
-            particles.position, near.active, near.normal, near.shear, near.roll, radius, law, mixture,
-            features,
-        )  # fmt: skip
+        motion = self.kernel_motion(self.last)
+        return tool_scan(self.near, self.facets, motion, particles.position, model)
 
     def state_arrays(self) -> dict[str, np.ndarray]:
         """Arrays for a checkpoint between two ticks; not copied."""
@@ -228,13 +214,13 @@ class ToolSurface:
 
     def wrench(self) -> ToolWrench:
         """Load on the tool since begin_tick: force and moment as means over the steps, work as a sum."""
-        share = 1.0 / max(self.felt.steps, 1)
-        by_group = self.felt.group_force * share
+        share = 1.0 / max(self.load.steps, 1)
+        by_group = self.load.group_force * share
         fx, fy, fz = by_group.sum(axis=0).tolist()
-        tx, ty, tz = (self.felt.moment * share).tolist()
+        tx, ty, tz = (self.load.moment * share).tolist()
         groups = [FacetGroupForce(name, *by_group[g].tolist()) for g, name in enumerate(self.mesh.groups)]
         return ToolWrench(
-            self.name, fx, fy, fz, tx, ty, tz, self.felt.work_joule, self.felt.contacts, tuple(groups)
+            self.name, fx, fy, fz, tx, ty, tz, self.load.work_joule, self.load.contacts, tuple(groups)
         )  # fmt: skip
 
 

@@ -17,9 +17,12 @@ import yaml
 from subsoil_ros.dem.bed import Bed
 from subsoil_ros.dem.build import build_engine
 from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.dem.field import Contacts, Field, FieldSample
+from subsoil_ros.dem.window import Window
 from subsoil_ros.errors import PhysicsError
-from subsoil_ros.loading.loader import load_scene
-from subsoil_ros.messages import ToolMotion
+from subsoil_ros.loading.loader import ResolvedScene, load_scene
+from subsoil_ros.messages import SpatialMotion, ToolMotion
+from subsoil_ros.rotations import quaternion_of
 
 ROW = {
     "stiffness_newton_per_m": 1e4, "tangential_stiffness_newton_per_m": 8e3,
@@ -36,11 +39,25 @@ HERTZ = {
     "youngs_modulus_pa": 2e6, "poisson_ratio": 0.3, "restitution": 0.5,
     "static_friction": 0.5, "sliding_friction": 0.4, "rolling_friction": 0.2,
 }  # fmt: skip
-LAWS = {"cohesive_linear": WET, "linear": ROW, "hertz_mindlin": HERTZ}
+PLASTIC = {
+    "youngs_modulus_pa": 2e6, "poisson_ratio": 0.3, "contact_plasticity": 0.6, "restitution": 0.5,
+    "surface_energy_joule_per_m2": 20.0,
+    "static_friction": 0.5, "sliding_friction": 0.4, "rolling_friction": 0.2,
+}  # fmt: skip
+LAWS = {"cohesive_linear": WET, "linear": ROW, "hertz_mindlin": HERTZ, "elasto_plastic_adhesive": PLASTIC}
+BONDS = {
+    "youngs_modulus_pa": 1e6, "stiffness_ratio": 2.5, "tensile_strength_pa": 100.0, "cohesion_pa": 100.0,
+    "friction_angle_deg": 30.0, "damping_ratio": 0.1,
+}  # fmt: skip
 TICKS, STEPS = 2, 4
 SPEED_M_PER_S = 5.0  # the tool leaves a list of 0.1 mm every second step
 SIZE_M = (0.08, 0.06, 0.06)
 SKIN_M = 0.0005
+FIELD_M = 0.4
+SPACING_M, LATTICE = 0.0195, 4  # of a block
+WINDOW_START_M = 9 * 0.0194759 - 0.06 - 0.012 - 0.0006
+"""From here the window, which ends 0.06 m before the tool, enters its next strip in the second tick."""
+
 WIDE_M = (0.1, 0.12, 0.04)  # three cells of the search fit between periodic sides
 
 SCENARIOS: dict[str, dict[str, Any]] = {
@@ -51,10 +68,25 @@ SCENARIOS: dict[str, dict[str, Any]] = {
         "law": "cohesive_linear", "tool": True, "soil": {"precision": "mixed", "skin_m": 1e-4}
     },
     "sizes, layers, periodic sides": {"law": "cohesive_linear", "stirred": True, "unequal": True},
+    "elasto-plastic with a tool": {
+        "law": "elasto_plastic_adhesive", "tool": True, "soil": {"skin_m": 1e-4}
+    },
+    "tool in space": {"law": "linear", "tool": True, "spatial": True, "soil": {"skin_m": 1e-4}},
+    "bonds": {
+        "law": "linear", "tool": True, "bed": {"kind": "grid", "spacing_m": 0.02, "jitter_m": 0.0003},
+        "soil": {"skin_m": 1e-3, "bonds": BONDS},
+    },
+    "bonds of unequal particles": {
+        "law": "cohesive_linear", "stirred": True, "unequal": True, "soil": {"skin_m": 1e-3, "bonds": BONDS}
+    },
+    "window": {"law": "linear", "tool": True, "window": True, "soil": {"skin_m": 1e-4}},
     "lost particle": {"law": "linear", "stirred": True, "thrown": True},
 }  # fmt: skip
 
-RESUMED = ("cohesive linear with a tool", "sizes, layers, periodic sides")
+RESUMED = (
+    "cohesive linear with a tool", "sizes, layers, periodic sides", "elasto-plastic with a tool",
+    "tool in space", "bonds", "bonds of unequal particles", "window",
+)  # fmt: skip
 """Those that go on from the other engine's checkpoint: all kinds of lists are in them."""
 
 
@@ -88,6 +120,10 @@ def document(folder: Path, scenario: dict[str, Any]) -> dict[str, Any]:
     if scenario.get("thrown"):
         soil["max_lost_particles"] = 0
     soil.update(scenario.get("soil", {}))
+    if scenario.get("window"):
+        soil["bin"]["length_m"] = FIELD_M
+        soil["bed"] = {"kind": "tiled"}  # named, never prepared: the block is given
+        soil["window"] = {"ahead_m": size[2], "behind_m": size[2]}
     scene: dict[str, Any] = {
         "name": "gpu",
         "duration_s": 1.0,
@@ -134,12 +170,32 @@ def crossing_bed() -> Bed:
     return Bed(places, (0.0, -0.5 * SIZE_M[1], -SIZE_M[2]), (SIZE_M[0], 0.5 * SIZE_M[1]))
 
 
+def window(resolved: ResolvedScene) -> Window:
+    """Over a field of a block of layers, the lowest of them held, whose contacts have no springs yet."""
+    edge, headroom = LATTICE * SPACING_M, 0.04
+    axes = [SPACING_M * (np.arange(count) + 0.5) for count in (LATTICE, LATTICE, 3)]
+    places = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
+    places[:, 2] -= SIZE_M[2] + headroom
+    lower, upper = (0.0, 0.0, -SIZE_M[2] - headroom), (edge, edge)
+    held = places[:, 2] < lower[2] + SPACING_M
+    bed = Bed(places, lower, upper, sides="endless", held=held)
+    soil = resolved.scene.particle_soil
+    assert soil is not None
+    none = Contacts(np.empty((0, 2), np.int64), np.empty((0, 6)))
+    return Window(Field(FieldSample(bed, none), soil))
+
+
 def motions(scenario: dict[str, Any], tick: int) -> tuple[ToolMotion, ...]:
     """The tool at the end of `tick`: it drives and turns."""
     if not scenario.get("tool"):
         return ()
     t = 2e-5 * STEPS * (tick + 1)
-    x = 0.03 + SPEED_M_PER_S * t
+    x = (WINDOW_START_M if scenario.get("window") else 0.03) + SPEED_M_PER_S * t
+    if scenario.get("spatial"):
+        turning = np.array((2.0, 1.0, -1.5))
+        at = quaternion_of(tuple((t * turning).tolist()))
+        speed = (SPEED_M_PER_S, 0.3, 0.0)
+        return (SpatialMotion.of("tool", (x, 0.3 * t, 0.0), at, speed, tuple(turning.tolist())),)
     return (ToolMotion("tool", x, 0.0, 0.0, 2.0 * t, SPEED_M_PER_S, 0.0, 2.0),)
 
 
@@ -150,6 +206,9 @@ def build(device: str, folder: Path, scenario: dict[str, Any]) -> SoilEngine:
     bed = given_bed() if scenario.get("unequal") else crossing_bed() if scenario.get("crossing") else None
     resolved = load_scene(path, [f"soil.device={device}"])
     book = scenario["law"] != "cohesive_linear" or resolved.scene.particle_soil.precision == "mixed"
+    if scenario.get("window"):
+        over = window(resolved)
+        return SoilEngine(resolved, over.field.bed(*over.field.first_window), book=book, window=over)
     return build_engine(resolved, book=book) if bed is None else SoilEngine(resolved, bed, book=book)
 
 
@@ -192,6 +251,7 @@ def run(engine: Any, scenario: dict[str, Any], first: int, ticks: int) -> dict[s
     books = [energy.kinetic_joule, energy.gravity_joule, energy.stored_joule, energy.tool_work_joule]
     return {
         "error": np.array(error),
+        "window": engine.state_arrays().get("window", np.zeros(3)),
         "wrenches": np.array(wrenches, np.float64),
         "positions": engine.positions_m(),
         "displacements": engine.displacements_m(),
@@ -206,7 +266,13 @@ def run(engine: Any, scenario: dict[str, Any], first: int, ticks: int) -> dict[s
             [state.rms_speed_m_per_s, state.rms_angular_velocity_rad_per_s, state.kinetic_energy_joule]
         ),
         "counts": np.array(
-            [state.particle_count, state.contact_count, state.rebuild_count, engine.listed_pair_count]
+            [
+                state.particle_count,
+                state.contact_count,
+                state.rebuild_count,
+                engine.listed_pair_count,
+                *engine.bond_counts(),
+            ]
         ),
     }
 
@@ -232,18 +298,26 @@ def resumed(device: str, name: str, kept: dict[str, np.ndarray]) -> dict[str, np
         return run(engine, scenario, TICKS // 2, TICKS - TICKS // 2)
 
 
+def use_plain_roots() -> None:
+    """Replace numba's inverse root, whose seed works on bits, which plain Python has not."""
+    import subsoil_ros.contact_laws.springs
+    import subsoil_ros.dem.bonds.kernel
+    import subsoil_ros.dem.pairs
+
+    def inverse_root(x: Any) -> Any:
+        return type(x)(1.0) / np.sqrt(x)
+
+    modules: Any = subsoil_ros.contact_laws.springs, subsoil_ros.dem.pairs, subsoil_ros.dem.bonds.kernel
+    for module in modules:
+        module.inverse_root = inverse_root
+
+
 def main(folder: Path, names: Sequence[str]) -> None:
     """Everything that needs a GPU, of some scenarios; FOLDER holds checkpoints of the CPU."""
     from subsoil_ros.dem.gpu.device import SIMULATED
 
-    if SIMULATED:  # numba's seed of the inverse root works on bits, which plain Python has not
-        import subsoil_ros.contact_laws.springs
-        import subsoil_ros.dem.pairs
-
-        def inverse_root(x: Any) -> Any:
-            return type(x)(1.0) / np.sqrt(x)
-
-        subsoil_ros.contact_laws.springs.inverse_root = subsoil_ros.dem.pairs.inverse_root = inverse_root
+    if SIMULATED:
+        use_plain_roots()
     for name in names:
         whole, kept = results("gpu", name)
         np.savez(folder / f"gpu {name}.npz", **whole)

@@ -74,6 +74,11 @@ def test_the_gpu_computes_what_the_cpu_does(both: Both) -> None:
         assert_same(ours, theirs, mixed="mixed" in name)
         assert theirs["counts"][2] > 1, "lists were built but once"
         assert bool(theirs["error"]) == (name == "lost particle")
+        if name.startswith("bonds"):
+            assert theirs["counts"][-2:].min() > 0, "of the bonds none or all broke"
+        if name == "window":
+            before = taken(both.folder, "cpu kept window")["window"]
+            assert (theirs["window"] != before).any(), "it did not move"
 
 
 def test_a_run_goes_on_from_a_checkpoint_of_the_other_device(both: Both) -> None:

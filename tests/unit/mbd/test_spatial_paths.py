@@ -220,9 +220,7 @@ def test_a_path_in_space_that_cannot_be_is_refused(
 
 
 def test_soils_that_cannot_follow_refuse_paths_in_space(tmp_path: Path) -> None:
-    """The GPU takes planar paths only, the wedge model no turned tools; poses have a y of their own."""
-    with pytest.raises(SceneError, match=r"tools.tool.path: leaves the plane of travel.*gpu"):
-        spun(tmp_path, {"turn": SPUN}, "soil.device=gpu")
+    """The wedge model takes no turned tools; poses have a y of their own."""
     with pytest.raises(SceneError, match=r"tools.tool.lateral_m: given 0.1 with path.poses"):
         spun(tmp_path, {"poses": POSES}, lateral_m=0.1)
     wedge = {

@@ -13,18 +13,21 @@ PACKAGE = ROOT / "subsoil_ros"
 MADE = {"build", "install", "log", "runs", "site"}
 """Folders of the repository that hold what is made."""
 
-QUOTED = re.compile(r"`([\w./-]+)`")
+QUOTED = re.compile(r"`([\w./-]+)`|(?<![\w/.-])(\w[\w./-]*/[\w-]+\.py)\b")
+"""Words in backticks, and paths of Python files wherever they stand."""
+
 PLACEHOLDER = re.compile(r"\b[A-Z]{3,}\b")
 MODULE = re.compile(r"(?:^:::|<!-- design:) (subsoil_ros(?:\.\w+)+)", re.MULTILINE)
 
 
 def paths_named(text: str) -> Iterator[str]:
-    """Words in backticks that are paths of the repository or of the package."""
-    for word in QUOTED.findall(text):
+    """Words that are paths of the repository or of the package."""
+    for quoted, written in QUOTED.findall(text):
+        word = quoted or written
         first, slash, _ = word.partition("/")
         placeholder = PLACEHOLDER.search(word) and not word.endswith(".md")
         in_folder = slash and first and ((PACKAGE / first).is_dir() or (ROOT / first).is_dir())
-        if not placeholder and first not in MADE and (in_folder or word.endswith(".py")):
+        if not placeholder and first not in MADE and (in_folder or quoted.endswith(".py")):
             yield word
 
 

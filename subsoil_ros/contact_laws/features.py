@@ -10,7 +10,8 @@ Question = Callable[[Any], bool]
 
 def asked_in_kernels(question: Question) -> Question:
     """Let kernels call `question`, whose only argument is named `features`."""
-    overload(question, inline="always")(lambda features: question)
+    # not inline="always": numba-cuda fails where an operator is inlined so
+    overload(question, jit_options={"forceinline": True})(lambda features: question)
     return question
 
 
@@ -47,7 +48,7 @@ def has_materials(features):
 @asked_in_kernels
 def is_unlike(features):
     """Whether each pair of particles has numbers of its own."""
-    return (features.sizes.ndim == 2) | (features.materials.ndim == 2)  # numba inlines `or` badly
+    return features.sizes.ndim == 2 or features.materials.ndim == 2
 
 
 @asked_in_kernels

@@ -65,7 +65,6 @@ def kernel_of(numbers: type, name: str) -> Callable[..., Any]:
 _by_law = functools.partial(
     overload, jit_options={"forceinline": True, "error_model": "numpy", "fastmath": {"contract"}}
 )
-_inline = functools.partial(overload, inline="always")
 _plainly = functools.partial(overload, jit_options={"forceinline": True, "error_model": "numpy"})
 
 
@@ -168,7 +167,7 @@ def components(law):
     return SPRINGS + _own_count(type(law))
 
 
-@_inline(components)
+@overload(components, inline="always")
 def _components(law):
     count = SPRINGS + _own_count(law.instance_class)
     return lambda law: count
@@ -179,7 +178,7 @@ def own_at(array, start, stride, factor, law):
     return tuple(factor * array[start + k * stride] for k in range(_own_count(type(law))))
 
 
-@_inline(own_at)
+@_plainly(own_at)
 def _own_at(array, start, stride, factor, law):
     count = _own_count(law.instance_class)
     items = "".join(f"factor * array[start + {k} * stride], " for k in range(count))
@@ -192,7 +191,7 @@ def put_own(own, factor, array, start, stride):
         array[start + k * stride] = factor * own[k]
 
 
-@_inline(put_own)
+@_plainly(put_own)
 def _put_own(own, factor, array, start, stride):
     return (lambda own, factor, array, start, stride: None) if len(own) == 0 else put_own
 

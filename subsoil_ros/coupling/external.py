@@ -22,6 +22,9 @@ START_TOLERANCE = 1e-6
 """Largest distance [m] and turn [rad] of a tool from the start pose of its scene: more than the rounding of a
 pose typed with seven digits, and a thousandth of the smallest particle radius in use."""
 
+ASIDE_M = 1e-3
+"""Largest distance of a planar tool from its plane, which nothing would use."""
+
 PAGE = "docs/own_machine.md"
 
 _ANGLES = "subsoil.angles_rad"
@@ -307,7 +310,7 @@ def _not_used(record: ToolMotion | ToolWrench, tool: Tool) -> str:
     if isinstance(record, ToolWrench):
         unknown = [group.group for group in record.groups if group.group not in tool.groups]
         return f"groups {unknown}; its groups are {list(tool.groups)}" if unknown else ""
-    if not isinstance(record, SpatialMotion) and abs(record.y_m - tool.lateral_m) > START_TOLERANCE:
+    if not isinstance(record, SpatialMotion) and abs(record.y_m - tool.lateral_m) > ASIDE_M:
         return (
             f"y_m {record.y_m:g}, but it moves in the plane y = {tool.lateral_m:g} m (its lateral_m); "
             "give the tool path.turn and a SpatialMotion for a motion in space"

@@ -20,7 +20,7 @@ def unlock(stream: IO[bytes]) -> None:
 
 
 def writer_of(path: Path) -> str:
-    """Who is writing the bag file `path`, in words; empty if nobody is."""
+    """Who is writing the bag file `path`, in words; empty if no process is."""
     with path.open("rb") as stream:
         try:
             fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)

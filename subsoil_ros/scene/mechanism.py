@@ -390,16 +390,6 @@ class Mechanism(StrictModel):
     def _names(self) -> "Mechanism":
         if GROUND in self.bodies:
             raise ValueError(f"bodies: '{GROUND}' is the world itself and cannot be a body")
-        for section, named in (("bodies", self.bodies), ("joints", self.joints), ("forces", self.forces)):
-            if "" in named:
-                raise ValueError(f"{section}: '' given as a name; give one of a character or more")
-        for joint in self.joints:
-            for part in ("friction", "stops"):
-                if f"{joint}.{part}" in self.forces and getattr(self.joints[joint], part, None) is not None:
-                    raise ValueError(
-                        f"forces.{joint}.{part}: is the name that the {part} of joint '{joint}' has in the "
-                        "record; give another"
-                    )
         known = [*self.bodies, GROUND]
         for section, items in (("joints", self.joints), ("forces", self.forces)):
             for name, item in items.items():

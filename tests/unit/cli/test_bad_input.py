@@ -115,7 +115,7 @@ def test_folder_for_a_file(refused: Callable[..., str]) -> None:
         ("name: x\n\tduration_s: 3\n", ":2:1: not valid YAML"),
         ("", "is empty"),
         ("- 1\n- 2\n", "holds a list"),
-        ("name: \xff\n", "not valid YAML"),
+        ("name: \xff\n", "byte 0xff is not UTF-8 text"),
     ],
 )
 def test_syntax_error(refused: Callable[..., str], tmp_path: Path, content: str, words: str) -> None:

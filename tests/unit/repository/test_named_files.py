@@ -13,8 +13,8 @@ PACKAGE = ROOT / "subsoil_ros"
 MADE = {"build", "install", "log", "runs", "site"}
 """Folders of the repository that hold what is made."""
 
-QUOTED = re.compile(r"`([\w./-]+)`|(?<![\w/.-])(\w[\w./-]*/[\w-]+\.py)\b")
-"""Words in backticks, and paths of Python files wherever they stand."""
+QUOTED = re.compile(r"`([\w./-]+)`|(?<![\w/.-])(\w[\w./-]*/[\w-]+\.py)\b(?! \(new\))")
+"""Words in backticks, and paths of Python files wherever they stand, but not those that a reader makes."""
 
 PLACEHOLDER = re.compile(r"\b[A-Z]{3,}\b")
 MODULE = re.compile(r"(?:^:::|<!-- design:) (subsoil_ros(?:\.\w+)+)", re.MULTILINE)

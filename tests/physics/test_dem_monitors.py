@@ -177,7 +177,7 @@ def test_placed_velocities_are_finite_and_as_many_as_particles(soil):
     engine = build_engine(soil.scene())
     with pytest.raises(InputError, match="1 rows of velocity, 0 finite; they must be 1, all finite"):
         engine.place([[0.05, 0.0, -0.05]], [[np.inf, 0.0, 0.0]])
-    with pytest.raises(InputError, match="2 rows of spin"):
+    with pytest.raises(InputError, match="2 rows of angular_velocity"):
         engine.place([[0.05, 0.0, -0.05]], None, np.zeros((2, 3)))
 
 

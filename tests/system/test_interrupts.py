@@ -6,8 +6,12 @@ import subprocess
 import sys
 from pathlib import Path
 
-SLOW = """
+HEARD = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
+"""A program that is started in the background may ignore Ctrl-C."""
+
+SLOW = f"""
 import hashlib
+{HEARD}
 from subsoil_ros.cli.interrupts import answered_interrupts
 
 with answered_interrupts("run"):
@@ -35,9 +39,10 @@ def test_two_interrupts_in_one_long_instruction_end_the_program() -> None:
 
 def test_the_first_compilation_says_what_is_awaited(tmp_path: Path) -> None:
     """`subsoil run` with an empty cache of kernels, interrupted as soon as it compiles."""
-    command = [sys.executable, "-m", "subsoil_ros.cli.main", "run", "tine", "--mode", "direct"]
+    words = ["run", "tine", "--mode", "direct", "--out", str(tmp_path / "run")]
+    source = f"{HEARD}; from subsoil_ros.cli.main import main; raise SystemExit(main({words}))"
     with subprocess.Popen(
-        [*command, "--out", str(tmp_path / "run")],
+        [sys.executable, "-c", source],
         env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kernels")},
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,

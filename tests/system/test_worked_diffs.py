@@ -74,7 +74,7 @@ def hunks(section: str) -> list[tuple[str, list[str]]]:
     found: list[tuple[str, list[str]]] = []
     file, anchored = "", False
     for line in text.splitlines():
-        if header := re.fullmatch(r" ((?:subsoil_ros|docs)/[^\s,]+)(, \w+)?", line):
+        if header := re.fullmatch(r" ((?:subsoil_ros|docs)/[^\s,]+)(, \w+| \(new\))?", line):
             file = header[1]
             found.append((file, []))
             anchored = False

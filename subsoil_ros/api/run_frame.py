@@ -256,8 +256,9 @@ def open_run(
         joins = resolved.scene.external_machine and machine is None
         motion_source = None if joins else build_motion_source(resolved, machine)
         external = build_soil(resolved, settings.threads, soil) if soil is not None else None
+        _refuse_start(resolved)
         warnings += implausible(resolved)
-        _prepare_soil(resolved, settings.threads, bed_progress)
+        _prepare_bed(resolved, settings.threads, bed_progress)
     except SceneError as error:
         raise SceneError(f"{shown or resolved.path}: {error}") from error
     _create_folder(out)
@@ -280,18 +281,24 @@ def run_id_of(resolved: ResolvedScene) -> str:
     return resolved.scene_hash[:RUN_ID_DIGITS]
 
 
-def _prepare_soil(resolved: ResolvedScene, threads: int, progress: "BedProgress | None") -> None:
+def _refuse_start(resolved: ResolvedScene) -> None:
+    """Check what particles would start from; without them none of their code is imported."""
     if resolved.scene.particle_soil is None:
-        return  # without particles none of their code is imported
+        return
     from ..dem.packing.start import check_start
-    from .prepare_bed import prepare_bed_first
 
     if resolved.scene.particle_soil.device == "gpu":
         from ..dem.gpu.device import refuse_without_gpu
 
         refuse_without_gpu()
     check_start(resolved)
-    prepare_bed_first(resolved, threads, progress)
+
+
+def _prepare_bed(resolved: ResolvedScene, threads: int, progress: "BedProgress | None") -> None:
+    if resolved.scene.particle_soil is not None:
+        from .prepare_bed import prepare_bed_first
+
+        prepare_bed_first(resolved, threads, progress)
 
 
 def _create_folder(out: Path) -> None:

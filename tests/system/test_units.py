@@ -137,7 +137,7 @@ KINDS: dict[str, dict[str, str]] = {
 """Columns of everything else, by kind: quantity and unit."""
 
 
-MESSAGE_FILES = sorted((Path(__file__).parents[3] / "msg_defs" / "msg").glob("*.msg"))
+MESSAGE_FILES = sorted((Path(__file__).parents[2] / "msg_defs" / "msg").glob("*.msg"))
 MESSAGES = {
     "BodyState": KINDS["body"],
     "JointReaction": KINDS["joint"],

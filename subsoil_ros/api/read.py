@@ -57,6 +57,7 @@ def recorded_run(path: Path) -> Iterator[RecordedRun]:
         InputError: there is neither, or the bag holds no scene.
         RecordingError: the bag was not closed, or is damaged.
     """
+    forget_copies()
     directory = _folder_of_run(path)
     if directory is not None:
         resolved = load_scene(directory / "scene.yaml")
@@ -64,10 +65,7 @@ def recorded_run(path: Path) -> Iterator[RecordedRun]:
         bag = directory / "bag"
         if list(bag.glob("*.mcap")) and writer_of(mcap_file(bag)):  # its own results are still to come
             directory = directory.with_name(f"{directory.name}_so_far")
-        try:
-            yield RecordedRun(directory, bag, resolved)
-        finally:
-            forget_copies()
+        yield RecordedRun(directory, bag, resolved)
         return
     try:
         file = mcap_file(path).resolve()

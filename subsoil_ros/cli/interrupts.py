@@ -33,15 +33,16 @@ def answered_interrupts(verb: str) -> Iterator[None]:
         yield
     finally:
         signal.set_wakeup_fd(before)
-        os.close(writer)
+        os.write(writer, bytes(1))
         thread.join()
+        os.close(writer)
         os.close(reader)
 
 
 def _answer(reader: int, verb: str) -> None:
-    """Answer the first SIGINT of a pipe, end the process at the second; return when the pipe closes."""
+    """Answer the first SIGINT of a pipe, end the process at the second; return at a zero."""
     count = 0
-    while numbers := os.read(reader, 64):
+    while 0 not in (numbers := os.read(reader, 64)):
         count += numbers.count(signal.SIGINT)
         if count == 0:
             continue
@@ -52,7 +53,7 @@ def _answer(reader: int, verb: str) -> None:
 
 
 def _awaited() -> str:
-    kernels = sys.modules.get(f"{__package__.partition('.')[0]}.kernel_cache")
+    kernels = sys.modules.get("subsoil_ros.kernel_cache")  # without it, nothing compiles
     if kernels is not None and kernels.compiling():
         return "waits for a kernel to be compiled, which may take a minute"
     return "waits for the step in progress, then closes what is open"

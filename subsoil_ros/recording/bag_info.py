@@ -14,6 +14,7 @@ from ..messages import Command, Grant
 from .bag_folder import BROKEN, NOTES
 from .bag_reader import damaged, mcap_path
 from .message_codec import reader
+from .recovery import forget_copies
 from .topics import TOPIC_OF, bag_topic
 
 _RECORD = struct.Struct("<BQ")  # opcode, length
@@ -90,6 +91,7 @@ def describe(path: Path, on_progress: Callable[[int], None] = lambda done_bytes:
         InputError: there is no bag.
         RecordingError: it was not closed, or is damaged.
     """
+    forget_copies()
     source = mcap_path(path)
     try:
         with source.open("rb") as stream:

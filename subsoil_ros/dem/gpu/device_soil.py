@@ -14,7 +14,7 @@ from ..state import SoilState
 from ..tools.motion import Motion
 from .device import Launches, Mirror, blocks
 from .device_lists import DeviceLists, form_of
-from .forces import (
+from .gpu_forces import (
     FAR,
     HALTED,
     LOST,

@@ -39,17 +39,20 @@ FOUND = 7
 the face), group, history slot or -1, and whether it counts (0: not yet decided)."""
 
 _ROUNDING_M = 1e-9
-"""Distances that differ by less count as equal: a million times the round-off, a millionth of a particle."""
+"""Distances that differ by less count as equal: far above the round-off of coordinates of some metres, 1e-15 m,
+and far below an overlap."""
 
 _ONE_CONTACT = math.cos(math.radians(30.0))
 """Cosine of the angle between normals below which contacts are one: facets of a smooth concave surface meet
 at less, those of a corner at more."""
 
 _LEVEL = 0.01
-"""Slope of the distance along a surface below which a point of it is not left for another."""
+"""Slope of the distance along a surface below which its points are equally near: the direction of the contact
+is then known to half a degree."""
 
 _JOINED = 1e-3
-"""Gap over a particle's reach below which parts of a tool are one surface."""
+"""Gap over a particle's reach below which parts of a tool are one surface: more than the float32 of an STL
+file leaves between flush faces, less than an overlap."""
 
 _SAME_NORMAL = 0.7
 """Least cosine between normals of a contact and the one it continues: its springs pass between facets that

@@ -23,8 +23,8 @@ START_TOLERANCE = 1e-6
 pose typed with seven digits, and a thousandth of the smallest particle radius in use."""
 
 ASIDE_M = 1e-3
-"""Largest distance of a planar tool from its plane [m], which nothing would use: other simulators hold a plane
-by soft constraints, which give by micrometres."""
+"""Largest distance of a planar tool from its plane [m], which nothing would use: other simulators hold a
+plane by soft constraints, which give by micrometres."""
 
 PAGE = "docs/own_machine.md"
 

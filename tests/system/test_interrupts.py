@@ -9,9 +9,9 @@ from pathlib import Path
 HEARD = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
 """A program that is started in the background may ignore Ctrl-C."""
 
-SLOW = f"""
-import hashlib
-{HEARD}
+SLOW = """
+import hashlib, signal
+signal.signal(signal.SIGINT, lambda *_: None)  # one that comes before the long instruction ends nothing
 from subsoil_ros.cli.interrupts import answered_interrupts
 
 with answered_interrupts("run"):

@@ -39,8 +39,8 @@ FOUND = 7
 the face), group, history slot or -1, and whether it counts (0: not yet decided)."""
 
 _ROUNDING_M = 1e-9
-"""Distances that differ by less count as equal: far above the round-off of coordinates of some metres, 1e-15 m,
-and far below an overlap."""
+"""Distances that differ by less count as equal: far above the round-off of coordinates of some metres,
+1e-15 m, and far below an overlap."""
 
 _ONE_CONTACT = math.cos(math.radians(30.0))
 """Cosine of the angle between normals below which contacts are one: facets of a smooth concave surface meet

@@ -38,7 +38,7 @@ from .machine_arrays import (
     UNBALANCED,
 )
 from .partition import choose_partition, condition_estimate
-from .singular_poses import MOST_NEAR, complete_near, count_near, is_near
+from .singular_poses import MOST_NEAR, NEAR_EXCESS, NEAR_PART, complete_near, count_near, is_near
 
 PATIENCE = 4
 """Iterations of the position Newton after which the partition, nearly singular, is chosen anew."""
@@ -250,7 +250,8 @@ def _take_part(model, state, work, start, span, select, locating, judged):
     """One step of at most `span`, to the first switch of a force if there is one.
 
     Returns (status, span taken, most position iterations of a stage, whether a force has switched, its error
-    over the tolerance). INACCURATE: the step is `judged` and its error too large; the state is unchanged.
+    over the tolerance). INACCURATE: the step is `judged` and its error too large, or it is too long for a
+    singular pose; the state is unchanged.
     """
     whole = span > (1.0 - BREAKPOINT_MARGIN) * model.step
     method = _method(model, state, whole)
@@ -258,8 +259,11 @@ def _take_part(model, state, work, start, span, select, locating, judged):
     status, iterations, near = _reach(model, state, work, start, span, select, method)
     if status != OK:
         return status, span, iterations, False, 0.0
+    if near and judged and span > NEAR_PART * model.step:
+        copy(state.multipliers, work.kept)
+        return INACCURATE, span, iterations, False, NEAR_EXCESS
     near_count = count_near(model, state, work) if near else 0
-    excess = 0.0
+    excess = 1.0 if near else 0.0
     if judged and near_count < 2:
         excess = step_error(model, state, work, span, method) / model.tolerance
         if not excess <= 1.0:

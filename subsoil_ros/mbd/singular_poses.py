@@ -4,8 +4,10 @@ With s the smallest pivot of the constraints, dependent coordinates have errors 
 their velocities of round-off / s^2: a step that ends next to such a pose can leave it on another branch of
 the motion, with any energy. So near it no coordinate depends on another. Positions and velocities are brought
 onto the constraints by the change of least inertia, which is orthogonal to the motion that the constraints
-allow, so that errors of the joints change the energy only by their square. And the constraints yield: a
-direction that they hold by less than the root of YIELDING is left to the integration.
+allow, so that errors of the joints change the energy only by their square. The constraints yield: a
+direction that they hold by less than the root of YIELDING is left to the integration. And a step is taken in
+four parts: in a direction held by s, an error of the velocity makes one of the acceleration that is 1 / s
+larger, and a history of accelerations would carry it on.
 Source: Bayo, Garcia de Jalon and Serna 1988; the change is one step of their augmented Lagrangian.
 """
 
@@ -32,9 +34,16 @@ constraints may have elsewhere (CONTRADICTION_GAP of advance.py)."""
 NOT_JUDGED = 1.0 / 30.0
 """Part of NEAR below which a step is not judged: errors of the joints are above that of the step there."""
 
-MOST_NEAR = 1000
-"""Steps in a row so near to the pose that they are not judged, after which the machine is taken to stay in it
-and the run ends. With a larger number such runs only end later."""
+NEAR_PART = 0.4
+"""Parts of a step next to a singular pose are shorter than this: the quarter that NEAR_EXCESS asks for, or a
+quarter and a rest of less than an eighth."""
+
+NEAR_EXCESS = 17.0
+"""Error over tolerance that halves a step twice (accuracy.halvings_for)."""
+
+MOST_NEAR = 4000
+"""Parts of steps in a row so near to the pose that they are not judged, after which the machine is taken to
+stay in it and the run ends. With a larger number such runs only end later."""
 
 
 @inner_kernel

@@ -108,11 +108,11 @@ def test_windows_turn_for_ten_seconds(mechanism_engine, count, communication_ste
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("count", [1, 10])
+@pytest.mark.parametrize("count", [1, 10, 40])
 def test_smaller_steps_keep_the_energy_of_the_windows_better(mechanism_engine, count):
-    """Halving the step never adds to the drift, down to round-off."""
+    """A smaller step never adds to the drift, down to round-off, wherever its end meets the flat pose."""
     drifts = []
-    for communication_step_ns in (4_000_000, 2_000_000, 1_000_000, 500_000, 250_000):
+    for communication_step_ns in (5_000_000, 4_000_000, 2_000_000, 1_000_000, 500_000):
         engine = mechanism_engine(windows(count), communication_step_ns)
         drifts.append(_drift(engine, DURATION_NS // communication_step_ns, communication_step_ns)[0])
     round_off = 1e-7 * count

@@ -101,3 +101,15 @@ def test_an_empty_bag_is_described(tmp_path: Path) -> None:
     facts = describe(tmp_path / "bag")
     assert (facts.topics, facts.message_count, facts.span_ns, facts.run_id) == ((), 0, (0, 0), "")
     assert main(["bag", "info", str(tmp_path / "bag")]) == 0
+
+
+def test_a_bag_without_scene_is_refused(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Bags of other makers: exit 2, and what to name instead; nothing is written."""
+    before = sorted(bag.parent.iterdir())
+    for verb in ("report", "render"):
+        assert main([verb, str(bag)]) == 2
+        err = capsys.readouterr().err
+        assert len(err.strip().splitlines()) == 1
+        assert "contains no scene" in err
+        assert "name the folder of its run" in err
+    assert sorted(bag.parent.iterdir()) == before

@@ -1,5 +1,6 @@
 """A bag without its run folder: its scene is in it, report and pictures are made from it alone."""
 
+import json
 import os
 import shutil
 from pathlib import Path
@@ -14,9 +15,10 @@ from subsoil_ros.loading.scene_bundle import pack, unpack_to_show
 from subsoil_ros.recording.bag_folder import BagFolder
 from subsoil_ros.recording.bag_reader import read_scene
 from subsoil_ros.recording.recovery import recover
+from tests.unit.analysis.test_summary_schema import check
 
 Captured = pytest.CaptureFixture[str]
-SCENES = Path(__file__).parents[3] / "config" / "scenes"
+SCENES = Path(__file__).parents[2] / "config" / "scenes"
 
 
 @pytest.fixture
@@ -37,6 +39,11 @@ def test_the_scene_of_a_bag_is_that_of_the_run(machine_bag: Path, lone: Path, tm
     text = (folder / "scene.yaml").read_text()
     assert str(SCENES.parent) not in text
     assert "0.stl" in text
+
+
+def test_the_summary_of_particles_and_machine_fits_its_schema(machine_bag: Path) -> None:
+    """The other kinds of runs: tests/unit/analysis/test_summary_schema.py."""
+    check(json.loads((machine_bag.parent / "summary.json").read_text()))
 
 
 def test_a_report_of_the_file_alone(
@@ -81,18 +88,6 @@ def test_bag_info_names_what_is_attached(lone: Path, capsys: Captured) -> None:
     text = capsys.readouterr().out
     assert "attached: scene.yaml, 0.stl, " in text
     assert "scene_hash: " in text
-
-
-def test_a_bag_without_scene_is_refused(bag: Path, capsys: Captured) -> None:
-    """Bags of other makers: exit 2, and what to name instead; nothing is written."""
-    before = sorted(bag.parent.iterdir())
-    for verb in ("report", "render"):
-        assert main([verb, str(bag)]) == 2
-        err = capsys.readouterr().err
-        assert len(err.strip().splitlines()) == 1
-        assert "contains no scene" in err
-        assert "name the folder of its run" in err
-    assert sorted(bag.parent.iterdir()) == before
 
 
 def test_a_damaged_lone_bag_names_its_cure(lone: Path, capsys: Captured) -> None:

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 import pytest
 from rosbags.highlevel import AnyReader
 
-LAYOUT = Path(__file__).parents[3] / "config/foxglove/subsoil.json"
+LAYOUT = Path(__file__).parents[2] / "config/foxglove/subsoil.json"
 TOPIC = re.compile(r"/\w+(/\w+)*")
 STEP = re.compile(r"\.(?P<field>\w+)|(?P<all>\[:\])|\{(?P<key>\w+)==\$(?P<variable>\w+)\}")
 

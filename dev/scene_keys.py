@@ -12,7 +12,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from subsoil_ros.loading.scene_schema import scene_schema, unit_of
+from subsoil_ros.loading.scene_schema import scene_schema
+from subsoil_ros.units import unit_of
 
 Schema = dict[str, Any]
 

@@ -1,6 +1,6 @@
 """Units in names, and the fields of a message text."""
 
-from subsoil_ros.loading.scene_schema import UNITS
+from subsoil_ros.units import UNITS
 
 ENDINGS = sorted((*UNITS, "rad_per_s2", "count"), key=len, reverse=True)
 

@@ -1,4 +1,8 @@
-"""How a run ends: exit status and reason, and the signals that end it in order."""
+"""How a run ends: exit status and reason, and the signals that end it in order.
+
+Errors decide the status by their class (errors.py); where nodes run as processes, which of them is the cause
+is decided in ros/process/supervisor.py.
+"""
 
 import os
 import signal

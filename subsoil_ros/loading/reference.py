@@ -5,8 +5,8 @@ from pathlib import Path
 from pydantic import Field, model_validator
 
 from ..strict_model import Finite, Positive, StrictModel
+from ..units import unit_of
 from ..yaml_document import read_document
-from .scene_schema import unit_of
 from .validation import validated
 
 LIKE_THEIR_COLUMN = ("mean", "min", "max", "range", "std")

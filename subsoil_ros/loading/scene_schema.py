@@ -11,6 +11,7 @@ from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import core_schema
 
 from ..scene.scene import Scene
+from ..units import unit_of
 from ..yaml_document import Document
 from .validation import LOADER_KEYS
 
@@ -21,39 +22,6 @@ DIALECT = "http://json-schema.org/draft-07/schema#"
 
 PARTIAL = "Partial"
 """Prefix of the definitions in which every key may be left out."""
-
-UNITS = {
-    "newton_m_s_per_rad": "N m s/rad",
-    "newton_m_per_rad": "N m/rad",
-    "newton_s_per_m": "N s/m",
-    "joule_per_m3": "J/m3",
-    "joule_per_m2": "J/m2",
-    "joule_per_m": "J/m",
-    "newton_per_m3": "N/m3",
-    "newton_per_m": "N/m",
-    "newton_m": "N m",
-    "newton": "N",
-    "kg_per_m3": "kg/m3",
-    "kg_m2": "kg m2",
-    "m_per_s2": "m/s2",
-    "m_per_s": "m/s",
-    "s_per_m": "s/m",
-    "rad_per_s": "rad/s",
-    "per_kg": "1/kg",
-    "per_s": "1/s",
-    "joule": "J",
-    "rad": "rad",
-    "deg": "degrees",
-    "kg": "kg",
-    "m2": "m2",
-    "hz": "Hz",
-    "pa": "Pa",
-    "ns": "ns",
-    "m": "m",
-    "s": "s",
-}
-"""Endings of keys and their units, the longer ones before those they end in."""
-
 
 _MATERIAL: Schema = {
     "type": ["string", "null"],
@@ -88,11 +56,6 @@ def scene_schema() -> Schema:
         "$defs": dict(sorted(definitions.items())),
     }
     return dict(_as_draft_7(schema))
-
-
-def unit_of(key: str) -> str:
-    """The unit that a key ends in; empty if it names none."""
-    return next((unit for ending, unit in UNITS.items() if key.endswith(f"_{ending}")), "")
 
 
 def _loader_keys() -> Schema:

@@ -10,10 +10,11 @@ import pytest
 
 from subsoil_ros.cli import schema as schema_verb
 from subsoil_ros.loading.loader import load_scene
-from subsoil_ros.loading.scene_schema import scene_schema, unit_of
+from subsoil_ros.loading.scene_schema import scene_schema
 from subsoil_ros.loading.validation import LOADER_KEYS
 from subsoil_ros.scene.scene import Scene
 from subsoil_ros.strict_model import StrictModel
+from subsoil_ros.units import unit_of
 from subsoil_ros.yaml_document import read_document
 
 ROOT = Path(__file__).parents[3]

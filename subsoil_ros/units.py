@@ -1,0 +1,44 @@
+"""Units in names: of scene keys, columns and message fields.
+
+Editors are told them by the scene's schema, and reference values in another unit are refused
+(loading/reference.py). That a name has the unit of its quantity is tested: tests/system/test_units.py, for
+messages tests/unit/repository/test_contracts.py. Keys in radians or kg/m3 whose values look like other units
+are warned of by api/plausible.py.
+"""
+
+UNITS = {
+    "newton_m_s_per_rad": "N m s/rad",
+    "newton_m_per_rad": "N m/rad",
+    "newton_s_per_m": "N s/m",
+    "joule_per_m3": "J/m3",
+    "joule_per_m2": "J/m2",
+    "joule_per_m": "J/m",
+    "newton_per_m3": "N/m3",
+    "newton_per_m": "N/m",
+    "newton_m": "N m",
+    "newton": "N",
+    "kg_per_m3": "kg/m3",
+    "kg_m2": "kg m2",
+    "m_per_s2": "m/s2",
+    "m_per_s": "m/s",
+    "s_per_m": "s/m",
+    "rad_per_s": "rad/s",
+    "per_kg": "1/kg",
+    "per_s": "1/s",
+    "joule": "J",
+    "rad": "rad",
+    "deg": "degrees",
+    "kg": "kg",
+    "m2": "m2",
+    "hz": "Hz",
+    "pa": "Pa",
+    "ns": "ns",
+    "m": "m",
+    "s": "s",
+}
+"""Endings of keys and their units, the longer ones before those they end in."""
+
+
+def unit_of(key: str) -> str:
+    """The unit that a key ends in; empty if it names none."""
+    return next((unit for ending, unit in UNITS.items() if key.endswith(f"_{ending}")), "")

@@ -5,6 +5,7 @@ from importlib.util import find_spec
 from .errors import InputError
 
 EXTRA_OF = {
+    "cascadio": "cad",
     "cuda": "gpu",
     "dask": "study",
     "distributed": "study",
@@ -12,8 +13,10 @@ EXTRA_OF = {
     "imageio": "render",
     "imageio_ffmpeg": "render",
     "jinja2": "report",
+    "lxml": "cad",
     "matplotlib": "report",
     "mujoco": "mujoco",
+    "networkx": "cad",
     "numba_cuda": "gpu",
     "plotly": "report",
     "pyarrow": "study",

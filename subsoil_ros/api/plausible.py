@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SceneError
+from ..limits.soil_at_work import speed_and_depth
 from ..loading.loader import ResolvedScene
 from ..mbd.tool_paths import tool_path
 from ..rotations import placed_m
@@ -38,7 +39,7 @@ def implausible(resolved: ResolvedScene) -> tuple[str, ...]:
     places: dict[str, str] = {}
     for name, tool in resolved.scene.tools.items():
         mesh = load_tool_mesh(resolved.directory, resolved.scene, name)
-        found += _size(name, mesh, resolved)
+        found += [*_size(name, mesh, resolved), *_buried(name, tool, mesh, resolved)]
         place = _place(resolved, name, tool, mesh)
         if place:
             places[name] = place
@@ -74,6 +75,18 @@ def _size(name: str, mesh: ToolMesh, resolved: ResolvedScene) -> Iterator[str]:
     soil, width = resolved.scene.soil, float(np.ptp(mesh.vertices_m[:, 1]))
     if soil is not None and width > soil.bin.width_m:
         yield f"tools.{name}: is {width:.3g} m wide, soil.bin {soil.bin.width_m:g} m; is 'scale' right?"
+
+
+def _buried(name: str, tool: Tool, mesh: ToolMesh, resolved: ResolvedScene) -> Iterator[str]:
+    """A tool without a shank up to the surface: one whose file has another axis upwards looks like it."""
+    if not tool.is_tillage or tool.is_spatial:
+        return
+    height, (_, depth) = float(np.ptp(mesh.vertices_m[:, 2])), speed_and_depth(resolved.scene, name, mesh)
+    if 0.0 < height < depth:
+        yield (
+            f"tools.{name}: is {height:.3g} m high and {depth:.3g} m deep, so it is wholly below the "
+            "surface; if its file has y upwards, give 'up: y'"
+        )
 
 
 def _place(resolved: ResolvedScene, name: str, tool: Tool, mesh: ToolMesh) -> str:

@@ -19,6 +19,7 @@ def map_files(document: Document, change: Callable[[str], str]) -> Document:
     _change(copied.get("report"), "reference", change)
     tools = copied.get("tools")
     for tool in tools.values() if isinstance(tools, dict) else ():
+        _change(tool, "mesh", change)
         groups = tool.get("groups") if isinstance(tool, dict) else None
         for part in groups.values() if isinstance(groups, dict) else ():
             _change(part, "mesh", change)

@@ -28,6 +28,7 @@ def with_base(path: Path, shown: str, above: tuple[Path, ...], given: Document |
         raise SceneError(f"{shown}: base: the files name each other as base; remove one 'base'")
     document = read_document(path, shown) if given is None else plain_value(given, shown)
     assert isinstance(document, dict)
+    document = _soil_by_name(document)
 
     def absolute(fragment: Document) -> Document:
         return with_absolute_files(fragment, resolved.parent)
@@ -59,6 +60,12 @@ def with_base(path: Path, shown: str, above: tuple[Path, ...], given: Document |
         if together:
             merged = {**merged, section: together}
     return merged
+
+
+def _soil_by_name(document: Document) -> Document:
+    """The document with `soil: NAME` in full."""
+    soil = document.get("soil")
+    return {**document, "soil": {"material": soil}} if isinstance(soil, str) else document
 
 
 def _fragments(

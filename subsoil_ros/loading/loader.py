@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from ..errors import SceneError
@@ -30,8 +30,14 @@ from .presets import (
     read_preset,
 )
 from .reference import Reference, read_reference
+from .short_scene import Derived, completed, is_short_key
 from .soil_file import check_wedge_soil
-from .validation import CHOICES, validated
+from .validation import CHOICES, validated, value_at
+
+SIZE = ("soil", "particles", "radius_m")
+
+SHORT_PRESET = "standard"
+"""Of a scene in short that gives neither a preset nor the size of its particles."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +56,7 @@ class ResolvedScene:
     reference: Reference | None = None  # what report.reference names
     material: Material | None = None  # what soil.material named; `document` has its particles instead
     material_file: str | None = None  # the file it was read from
+    derived: tuple[Derived, ...] = ()  # what a scene in short did not give
 
     @property
     def schedule(self) -> Schedule:
@@ -92,6 +99,7 @@ class _Draft:
     changes: Sequence[Override]
     presets: Mapping[str, Preset] = field(default_factory=dict)
     choices: Document = field(default_factory=dict)  # the loader's own keys
+    derived: tuple[Derived, ...] = ()
     material: Material | None = None
     material_file: str | None = None
 
@@ -103,6 +111,7 @@ class _Draft:
 def _resolved(draft: _Draft) -> ResolvedScene:
     """The scene of a draft, its base merged in already."""
     for complete in (
+        _complete_short,
         _read_presets,
         _lay_initial_condition,
         _add_material_preset,
@@ -131,9 +140,31 @@ def _resolved(draft: _Draft) -> ResolvedScene:
             reference=_reference(scene),
             material=draft.material,
             material_file=draft.material_file,
+            derived=draft.derived,
         )
     except SceneError as error:
         raise SceneError(f"{draft.shown}: {error}") from error
+
+
+def _soil_in_full(change: Override) -> Override:
+    by_name = change.path == "soil" and isinstance(change.value, str)
+    return replace(change, path="soil.material") if by_name else change
+
+
+def _complete_short(draft: _Draft) -> None:
+    """Derive what a scene in short leaves out, and choose its preset."""
+    draft.changes = [_soil_in_full(change) for change in draft.changes]
+    _apply(draft, [change for change in draft.changes if is_short_key(change.path)])
+    draft.changes = [change for change in draft.changes if not is_short_key(change.path)]
+    sized = any(map(gives_size, draft.changes)) or value_at(draft.document, SIZE) is not None
+    draft.document, draft.derived = completed(draft.document, draft.changes, draft.path, draft.shown)
+    if not draft.derived or sized or not value_at(draft.document, ("soil", "material")):
+        return
+    if draft.document.get("preset") is None and not draft.chosen("preset"):
+        draft.document = {**draft.document, "preset": SHORT_PRESET}
+        chosen = Derived("preset", SHORT_PRESET, "the size of particles is not given")
+        draft.derived = (chosen, *draft.derived)
+    draft.derived = tuple(item for item in draft.derived if item.key != ".".join(SIZE))  # the preset's
 
 
 def _read_presets(draft: _Draft) -> None:

@@ -105,6 +105,9 @@ class Scene(StrictModel):
     duration_s: Annotated[float, Field(gt=0.0, le=LONGEST_S, allow_inf_nan=False), WithinReach] = Field(
         description="simulated time."
     )
+    travel_m: Positive | None = Field(
+        None, exclude=True, description="in short, for duration_s: way of the tools at their speed_m_per_s."
+    )
     gravity_m_per_s2: NonNegative = Field(9.81, description="downwards, along -z.")
     allow: tuple[Allowance, ...] = Field((), description="refusals that this scene overrides, for studies.")
     soil: AnySoil | None = Field(None, description="left out: no soil engine.")

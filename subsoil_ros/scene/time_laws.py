@@ -1,8 +1,8 @@
 """Functions of time named in a scene: constant, ramp, sine, half-sine, polynomial, table, and sums."""
 
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from ..strict_model import Finite, NonNegative, Positive, StrictModel
 
@@ -83,8 +83,34 @@ class PolynomialLaw(StrictModel):
         return self
 
 
+def _constant(value: float) -> ConstantLaw:
+    return ConstantLaw(kind="constant", value=value)
+
+
+if TYPE_CHECKING:
+    Number = ConstantLaw
+else:
+    Number = Annotated[Finite, AfterValidator(_constant)]
+    """A bare number stands for a constant law."""
+
+
+def _kind(law: object) -> object:
+    if isinstance(law, dict):
+        return law.get("kind")
+    return (
+        "number" if isinstance(law, int | float) and not isinstance(law, bool) else getattr(law, "kind", None)
+    )
+
+
 SimpleLaw = Annotated[
-    ConstantLaw | RampLaw | SineLaw | HalfSineLaw | PolynomialLaw | TableLaw, Field(discriminator="kind")
+    Annotated[Number, Tag("number")]
+    | Annotated[ConstantLaw, Tag("constant")]
+    | Annotated[RampLaw, Tag("ramp")]
+    | Annotated[SineLaw, Tag("sine")]
+    | Annotated[HalfSineLaw, Tag("half_sine")]
+    | Annotated[PolynomialLaw, Tag("polynomial")]
+    | Annotated[TableLaw, Tag("table")],
+    Discriminator(_kind),
 ]
 
 
@@ -96,6 +122,14 @@ class SumLaw(StrictModel):
 
 
 Law = Annotated[
-    ConstantLaw | RampLaw | SineLaw | HalfSineLaw | PolynomialLaw | TableLaw | SumLaw,
-    Field(discriminator="kind"),
+    Annotated[Number, Tag("number")]
+    | Annotated[ConstantLaw, Tag("constant")]
+    | Annotated[RampLaw, Tag("ramp")]
+    | Annotated[SineLaw, Tag("sine")]
+    | Annotated[HalfSineLaw, Tag("half_sine")]
+    | Annotated[PolynomialLaw, Tag("polynomial")]
+    | Annotated[TableLaw, Tag("table")]
+    | Annotated[SumLaw, Tag("sum")],
+    Discriminator(_kind),
 ]
+"""A function of time, or a number for a constant one."""

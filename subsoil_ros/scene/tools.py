@@ -1,6 +1,7 @@
 """Tools: triangle meshes that touch the soil, carried by a body or along a prescribed path."""
 
 import math
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import Literal
 
@@ -10,24 +11,39 @@ from ..rotations import Quaternion, planar_quaternion, quaternion_of, rotation_b
 from ..strict_model import Finite, Name, Positive, StrictModel
 from .time_laws import Law
 
+Coordinates = tuple[Finite, Finite, Finite]
+"""x, y and z in world axes, or in those of a tool."""
 
-class MeshPart(StrictModel):
-    """One watertight STL, its facets forming one group.
+MeshUnit = Literal["m", "cm", "mm", "inch"]
+METRES: Mapping[MeshUnit, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254}
+
+Upward = Literal["y", "z"]
+
+
+class CadKeys(StrictModel):
+    """What the loader does to a file before the scene is made: none of it is left in the scene."""
+
+    unit: MeshUnit | None = Field(None, exclude=True, description="of a file that names none: STL, OBJ.")
+    up: Upward = Field("z", exclude=True, description="axis of the file that points upwards.")
+    rotation_deg: Coordinates = Field(
+        (0.0, 0.0, 0.0), exclude=True, description="of the file about x, then y, then z; forward is +x."
+    )
+
+
+class MeshPart(CadKeys):
+    """One watertight mesh, its facets forming one group.
 
     A mesh vertex v [file units] stands at `position_m + scale * v` in the reference pose of the
     mechanism (world axes), or in the path's frame for a tool without a body.
     """
 
-    mesh: str = Field(description="file, relative to the scene file.")
+    mesh: str = Field(description="STL, OBJ, 3MF or STEP file, relative to the scene file.")
     scale: Positive = Field(1.0, description="metres per file unit.")
     position_m: tuple[Finite, Finite, Finite] = Field((0.0, 0.0, 0.0), description="of the mesh's origin.")
 
 
 LARGEST_TURN_RAD = math.pi - 1e-6
 """Largest rotation from one pose to the next: less than a half turn, which has no direction."""
-
-Coordinates = tuple[Finite, Finite, Finite]
-"""x, y and z in world axes, or in those of a tool."""
 
 
 class FreeTurn(StrictModel):
@@ -166,13 +182,26 @@ class Path(StrictModel):
         return self
 
 
-class Tool(StrictModel):
-    """Meshes that act on the soil; forces are recorded for each of its groups (share, blade, ...)."""
+class Tool(CadKeys):
+    """Meshes that act on the soil; forces are recorded for each of its groups (share, blade, ...).
+
+    In short, by `mesh`, `depth_m` and `speed_m_per_s`: loading/short_scene.py derives path and groups.
+    """
+
+    mesh: str | None = Field(
+        None, exclude=True, description="in short, for groups: one file, whose group is called as the tool."
+    )
+    depth_m: Positive | None = Field(
+        None, exclude=True, description="in short, for path: of the lowest point below the surface."
+    )
+    speed_m_per_s: Finite | None = Field(
+        None, exclude=True, description="in short, for path: forward, constant."
+    )
 
     body: str | None = Field(None, description="of the mechanism, which carries the tool.")
     path: Path | None = Field(None, description="of the tool, if there is no mechanism.")
     lateral_m: Finite = Field(0.0, description="y of the tool's body, or of its path.")
-    groups: dict[Name, MeshPart] = Field(min_length=1)
+    groups: dict[Name, MeshPart] = {}
     density_kg_per_m3: Positive | None = Field(
         None,
         description="of the solid; `subsoil check` prints mass and inertia of the meshes from it.",
@@ -200,5 +229,10 @@ class Tool(StrictModel):
     @model_validator(mode="after")
     def _carried(self) -> "Tool":
         if (self.body is None) == (self.path is None):
-            raise ValueError("give either 'body' (carried by the mechanism) or 'path', not both")
+            raise ValueError(
+                "give either 'body' (carried by the mechanism) or 'path', not both; or, in short, 'depth_m' "
+                "and 'speed_m_per_s' for a path"
+            )
+        if not self.groups:
+            raise ValueError("give 'mesh', a file, or 'groups' of several")
         return self

@@ -38,6 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--bed-out", type=Path, metavar="FILE", help="prepare the bed and write it as a file for kind: saved"
     )
+    parser.add_argument(
+        "--verbose", action="store_true", help="also steps, their limits, and the scene's hash"
+    )
     parser.add_argument("--threads", type=int, default=1, help="threads that prepare the bed (default: 1)")
 
 
@@ -46,22 +49,35 @@ def run(args: argparse.Namespace) -> int:
     from ...api.check_scene import check
     from ...loading.loader import load_scene
     from .soil_rows import material_rows, particle_rows, wedge_rows
+    from .tool_rows import tool_rows
 
     resolved = load_scene(args.scene, args.overrides)
     found = check(resolved)
     scene, soil = resolved.scene, resolved.scene.particle_soil
     console = stdout_console(highlight=True)
     console.print(_facts(scene.name, _general(resolved)))
+    if scene.tools:
+        console.print(_facts("tools", tool_rows(resolved)))
+    if resolved.derived:
+        derived = table("derived: not given in the scene", ("key", "value", "because"), words=3)
+        for item in resolved.derived:
+            derived.add_row(*item)
+        console.print(derived)
     if soil is not None:
         if resolved.material is not None:
             console.print(_facts("material", material_rows(resolved.material)))
         console.print(_facts("soil", particle_rows(resolved, soil, found.particles)))
-        console.print(_limits(found))
         if found.at_work:
             rows = ((number.name, number.text) for number in found.at_work)
             console.print(_facts("soil at work", rows))
     if scene.wedge_soil is not None:
         console.print(_facts("soil, wedge model", wedge_rows(resolved, scene.wedge_soil)))
+    if args.verbose:
+        console.print(_facts("steps", _steps(resolved)))
+        if soil is not None:
+            console.print(_limits(found))
+        if found.coupling:
+            console.print(_coupling(found))
     for note in found.notes:
         console.print(note)
     if scene.mechanism and found.mechanism:
@@ -69,8 +85,6 @@ def run(args: argparse.Namespace) -> int:
         if found.mechanism.rest is not None:
             for part in _at_rest(scene.mechanism, found.mechanism.rest, resolved.timing):
                 console.print(part)
-    if found.coupling:
-        console.print(_coupling(found))
     console.print(_facts("cost", _cost(found)))
     for line in accuracy_lines(resolved, args.overrides):
         console.print(line)
@@ -93,20 +107,11 @@ def _facts(title: str, rows: Iterable[tuple[str, str]]) -> Table:
 
 
 def _general(resolved: ResolvedScene) -> Iterable[tuple[str, str]]:
-    from ...scene.tool_mesh import load_tool_mesh, tool_mass
-
     scene, timing = resolved.scene, resolved.timing
     yield "file", str(resolved.path)
     if "initial_condition" in resolved.document:
         yield "initial_condition", str(resolved.document["initial_condition"])
-    yield "scene hash", resolved.scene_hash[:16]
     yield "duration", f"{scene.duration_s:g} s"
-    yield "ticks", f"{timing.tick_count:,} of {timing.communication_step_ns:,} ns"
-    if timing.soil_steps:
-        yield "soil steps", f"{timing.soil_steps * timing.tick_count:,} ({timing.soil_steps} per tick)"
-    if timing.mechanism_steps:
-        steps = timing.mechanism_steps
-        yield "mechanism steps", f"{steps * timing.tick_count:,} ({steps} per tick)"
     if scene.controller is not None:
         ticks = scene.controller.interval_ticks
         yield (
@@ -114,27 +119,21 @@ def _general(resolved: ResolvedScene) -> Iterable[tuple[str, str]]:
             f"{scene.controller.law.kind}, commands {scene.controller.driver} every {ticks} ticks, "
             f"{ticks * timing.communication_step_s * 1e3:g} ms",
         )
-    for name, tool in scene.tools.items():
-        mesh = load_tool_mesh(resolved.directory, scene, name)
-        carrier = f"body {tool.body}" if tool.body else "path"
-        yield f"tool {name}", f"{', '.join(tool.groups)} ({len(mesh.facets)} facets) on {carrier}"
-        if tool.density_kg_per_m3 is not None:
-            found = tool_mass(mesh, tool.density_kg_per_m3)
-            x, y, z = found.centre_m
-            yield (
-                f"at {tool.density_kg_per_m3:g} kg/m3",
-                (
-                    f"{found.mass_kg:.4g} kg, {found.inertia_kg_m2:.4g} kg m2 about y through its centre, "
-                    f"({x:.4f}, {y:.4f}, {z:.4f}) m from the origin of the {'body' if tool.body else 'path'}"
-                ),
-            )
-            if tool.body and scene.mechanism:
-                body = scene.mechanism.bodies[tool.body]
-                yield f"body {tool.body}, typed", f"{body.mass_kg:.4g} kg, {body.inertia_kg_m2:.4g} kg m2"
     if scene.allow:
         yield "allow", ", ".join(scene.allow)
     if scene.report.note:
         yield "note", scene.report.note
+
+
+def _steps(resolved: ResolvedScene) -> Iterable[tuple[str, str]]:
+    timing = resolved.timing
+    yield "scene hash", resolved.scene_hash[:16]
+    yield "ticks", f"{timing.tick_count:,} of {timing.communication_step_ns:,} ns"
+    if timing.soil_steps:
+        yield "soil steps", f"{timing.soil_steps * timing.tick_count:,} ({timing.soil_steps} per tick)"
+    if timing.mechanism_steps:
+        steps = timing.mechanism_steps
+        yield "mechanism steps", f"{steps * timing.tick_count:,} ({steps} per tick)"
 
 
 def _limits(found: CheckResult) -> Table:

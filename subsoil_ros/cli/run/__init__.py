@@ -1,4 +1,4 @@
-"""subsoil run SCENE --out DIR: simulates a scene and leaves a bag, a series and a summary."""
+"""subsoil run SCENE [--out DIR]: simulates a scene and leaves a bag, a series and a summary."""
 
 import argparse
 from functools import partial
@@ -15,7 +15,11 @@ DEFAULT_PORT = 8765
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `subsoil run`."""
     parser.add_argument("scene", help="scene file (.yaml)")
-    parser.add_argument("--out", required=True, metavar="DIR", help="folder for the results; must not exist")
+    parser.add_argument(
+        "--out",
+        metavar="DIR",
+        help="folder for the results; must not exist (default: runs/SCENE-TIME, TIME as 20260131-120000)",
+    )
     parser.add_argument(
         "--mode",
         choices=("nodes", "composed", "direct"),

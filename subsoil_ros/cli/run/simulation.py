@@ -3,6 +3,7 @@
 import argparse
 import os
 import socket
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -43,6 +44,14 @@ def simulate(args: argparse.Namespace) -> int:
         return _run(args, kernels)
 
 
+def _usual_folder(scene: Path) -> Path:
+    """runs/SCENE-TIME; a file scene.yaml is called as its folder."""
+    name = scene.resolve().parent.name if scene.stem == "scene" else scene.stem
+    out = Path("runs") / f"{name}-{time.strftime('%Y%m%d-%H%M%S')}"
+    print(f"results: {out}")
+    return out
+
+
 def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
     resolved = load_scene(args.scene, args.overrides)
     namespace = checked_namespace(args.namespace)
@@ -60,7 +69,8 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
         supervised=args.mode == "nodes",
         **{name: getattr(args, name) for name in OPTIONS},
     )
-    frame = open_run(settings, Path(args.out), args.resume, shown=args.scene, bed_progress=bed_progress)
+    out = Path(args.out) if args.out is not None else _usual_folder(resolved.path)
+    frame = open_run(settings, out, args.resume, shown=args.scene, bed_progress=bed_progress)
     say_opened(frame)
     say_where(live)
     bar = RunProgress(resolved.scene.name, resolved.timing)

@@ -44,7 +44,7 @@ LOCK = [
     for line in (ROOT / "requirements" / "lock.txt").read_text().splitlines()
     if line and not line.startswith("#")
 ]
-RUN = PLAIN.keys() | EXTRAS["report"].keys()
+RUN = PLAIN.keys() | EXTRAS["cad"].keys() | EXTRAS["report"].keys()
 """What `make run` installs beside ROS."""
 
 INSTALLED = RUN | EXTRAS["live"].keys() | EXTRAS["render"].keys() | EXTRAS["study"].keys()
@@ -55,7 +55,7 @@ EXEC_DEPENDS = [str(node.text) for node in ElementTree.fromstring(MANIFEST).find
 
 
 def test_lists_are_those_of_the_extras():
-    """`make run` installs a plain installation with the extra report; each further list adds its extras."""
+    """`make run` installs a plain installation with the extras cad and report; each further list adds its extras."""
     python = {name for name in file_names("run") if not name.startswith("ros-")}
     assert python == RUN | {"setuptools"}  # the editable install
     assert file_names("extras") == INSTALLED - RUN

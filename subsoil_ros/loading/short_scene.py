@@ -1,0 +1,291 @@
+"""Scenes in short: a soil by name, tools by mesh, depth and speed, and a travel; the rest is derived.
+
+What a scene gives itself stays as it is. A tool with `depth_m` makes a scene one in short; files of CAD
+programs, `mesh` on a tool and `soil: NAME` are read in every scene.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..errors import SceneError
+from ..scene.cad_mesh import metres_per_unit, read_cad, refuse_absurd, turned_upright, write_stl
+from ..scene.soil import rupture_distance_m
+from ..scene.tool_shape import ToolShape, tool_shape
+from ..scene.tools import CadKeys, MeshPart, Tool
+from ..yaml_document import Document
+from .material_file import read_material
+from .overrides import Override
+from .presets import IN_DEPTH, LEAST_ACROSS
+from .validation import validated
+
+CAD_KEYS = tuple(CadKeys.model_fields)
+SHORT_KEYS = (*CAD_KEYS, "mesh", "depth_m", "speed_m_per_s")
+"""Keys of a tool that are none of the scene's model; with `travel_m` of the scene."""
+
+START_M = 0.05
+"""Way of the foremost point to the soil: the first contact is within the run, at any depth."""
+
+DEPTHS_BESIDE, DEPTHS_DEEP = 1.0, 1.5
+"""Soil to each side of the tools and in all, in depths: the crescent that breaks out is as wide as deep to
+each side, and nothing below half a depth under the tip moves (docs/field.md)."""
+
+ROUND_M = 0.05
+"""Sizes of fields are whole multiples of it."""
+
+COUPLING: Document = {"communication_step_ns": 500_000, "force": "tick_mean"}
+"""A tool on a path is moved by no force, so rows need no soil step each: means over half a millisecond."""
+
+
+class Derived(NamedTuple):
+    """One value that the scene did not give."""
+
+    key: str
+    value: str
+    reason: str
+
+
+@dataclass
+class _Placed:
+    """A tool with its file read."""
+
+    name: str
+    depth_m: float
+    speed_m_per_s: float
+    lateral_m: float
+    shape: ToolShape
+
+
+def is_short_key(path: str) -> bool:
+    """Whether an override changes what is derived from, so that it comes first."""
+    keys = path.split(".")
+    return path == "travel_m" or (keys[0] == "tools" and (len(keys) == 2 or keys[-1] in SHORT_KEYS))
+
+
+def completed(
+    document: Document, changes: Sequence[Override], path: Path, shown: str
+) -> tuple[Document, tuple[Derived, ...]]:
+    """The document without keys in short, and what was derived for them.
+
+    changes: overrides that are applied later; what they give is not derived.
+
+    Raises:
+        SceneError: a mesh that cannot be used, or values from which nothing can be derived.
+    """
+    tools = document.get("tools")
+    placed: list[_Placed] = []
+    if isinstance(tools, dict):
+        done = {}
+        for name, tool in tools.items():
+            done[name] = _in_full(name, tool, path.parent, f"{shown}: tools.{name}", placed)
+        document = {**document, "tools": done}
+    travel = document.get("travel_m")
+    if travel is not None and not placed:
+        raise SceneError(
+            f"{shown}: travel_m: given without a tool in short, which has depth_m and speed_m_per_s; give "
+            "duration_s"
+        )
+    if not placed:
+        return document, ()
+    derived: list[Derived] = []
+    document = {key: value for key, value in document.items() if key != "travel_m"}
+    given = {change.path for change in changes}
+
+    def fill(key: str, value: Any, reason: str) -> None:
+        nonlocal document
+        if key not in given and not _has(document, key):
+            document = _with(document, key.split("."), value)
+            derived.append(Derived(key, _words(value), reason))
+
+    fill("name", path.stem, "the file's name")
+    _fill_time(travel, placed, fill, shown)
+    _fill_soil(document, placed, fill, shown)
+    for tool in placed:
+        x, z = tool.shape.tip_m
+        fill(
+            f"tools.{tool.name}.path",
+            {
+                "start_x_m": round(-START_M - tool.shape.foremost_m, 6),
+                "start_z_m": round(-tool.depth_m - z, 6),
+                "speed_x_m_per_s": tool.speed_m_per_s,
+            },
+            f"foremost point {START_M * 1e3:g} mm before the soil, lowest {tool.depth_m:g} m deep",
+        )
+    x, z = placed[0].shape.tip_m
+    fill("report.tip_m", [round(x, 6), round(z, 6)], f"foremost of the lowest edge of {placed[0].name}")
+    fill("coupling", dict(COUPLING), "forces are means over half a millisecond")
+    return document, tuple(derived)
+
+
+def _in_full(name: str, tool: object, folder: Path, where: str, placed: list[_Placed]) -> object:
+    """A tool with its files read and its keys in short taken out; one with a depth is added to `placed`."""
+    if not isinstance(tool, dict):
+        return tool
+    short = {key: tool[key] for key in SHORT_KEYS if tool.get(key) is not None}
+    rest = {key: value for key, value in tool.items() if key not in SHORT_KEYS}
+    groups = rest.get("groups")
+    if "mesh" in short:
+        if groups:
+            raise SceneError(f"{where}: given both 'mesh' and 'groups'; give 'mesh' for one file")
+        groups = {name: {key: short[key] for key in (*CAD_KEYS, "mesh") if key in short}}
+    elif any(key in short for key in CAD_KEYS):
+        raise SceneError(f"{where}: {', '.join(k for k in CAD_KEYS if k in short)}: given without 'mesh'")
+    if isinstance(groups, dict):
+        rest["groups"] = {
+            group: _usable(
+                part, folder, f"{where}.groups.{group}" if "mesh" not in short else where, "mesh" in short
+            )
+            for group, part in groups.items()
+        }
+    if "depth_m" not in short and "speed_m_per_s" not in short:
+        return rest
+    checked = validated(Tool, {**rest, **short, "path": {}}, where)
+    if rest.get("path") is not None or rest.get("body") is not None:
+        raise SceneError(
+            f"{where}: depth_m and speed_m_per_s stand for a path, and 'path' or 'body' is given"
+        )
+    if checked.depth_m is None or checked.speed_m_per_s is None:
+        raise SceneError(f"{where}: give both depth_m and speed_m_per_s")
+    if checked.speed_m_per_s <= 0.0:
+        raise SceneError(
+            f"{where}: speed_m_per_s: given {checked.speed_m_per_s:g}, must be above 0; turn the mesh by "
+            "rotation_deg: [0, 0, 180] if it looks backward"
+        )
+    vertices, facets = _assembled(checked, folder, where)
+    placed.append(
+        _Placed(
+            name,
+            checked.depth_m,
+            checked.speed_m_per_s,
+            checked.lateral_m,
+            tool_shape(vertices, facets, checked.depth_m),
+        )
+    )
+    return rest
+
+
+def _usable(part: object, folder: Path, where: str, own: bool) -> object:
+    """A part with an STL file that stands upright, and its scale.
+
+    own: the file of a tool in short, whose size must be that of a tool.
+    """
+    if not isinstance(part, dict) or not isinstance(part.get("mesh"), str):
+        return part
+    path = folder / part["mesh"]
+    plain = path.suffix.lower() == ".stl" and not any(part.get(key) for key in CAD_KEYS)
+    if plain and not own:
+        return part
+    keys = validated(MeshPart, part, where)
+    place = f"{where}.mesh: {path}"
+    if not path.is_file():
+        return part  # refused where the mesh is loaded
+    mesh, metres = read_cad(path, place)
+    if keys.unit is not None and (metres is not None or "scale" in part):
+        named = "the file names its unit" if metres is not None else "scale is given too"
+        raise SceneError(f"{where}: unit: given, and {named}; leave it out")
+    if metres is None:
+        metres = 1.0 if "scale" in part else metres_per_unit(mesh, keys.unit, place)
+    refuse_absurd(mesh, metres * keys.scale, place)
+    rest = {key: value for key, value in part.items() if key not in CAD_KEYS}
+    if path.suffix.lower() == ".stl" and keys.up == "z" and not any(keys.rotation_deg):
+        return rest if metres == 1.0 else rest | {"scale": metres}
+    vertices = turned_upright(mesh, keys.up, keys.rotation_deg) * metres
+    return rest | {"mesh": str(write_stl(vertices, mesh.faces, path.stem))}
+
+
+def _assembled(tool: Tool, folder: Path, where: str) -> tuple[np.ndarray, np.ndarray]:
+    vertices, facets, count = [], [], 0
+    for group, part in tool.groups.items():
+        mesh, _ = read_cad(folder / part.mesh, f"{where}.groups.{group}.mesh: {folder / part.mesh}")
+        vertices.append(np.asarray(mesh.vertices) * part.scale + part.position_m)
+        facets.append(np.asarray(mesh.faces) + count)
+        count += len(mesh.vertices)
+    return np.concatenate(vertices), np.concatenate(facets)
+
+
+Fill = Callable[[str, Any, str], None]
+
+
+def _fill_time(travel: object, placed: list[_Placed], fill: Fill, shown: str) -> None:
+    if travel is None:
+        return
+    if isinstance(travel, bool) or not isinstance(travel, int | float) or not 0.0 < travel < math.inf:
+        raise SceneError(f"{shown}: travel_m: given {travel!r}; it must be a number above 0")
+    speeds = {tool.speed_m_per_s for tool in placed}
+    if len(speeds) > 1:
+        raise SceneError(
+            f"{shown}: travel_m: tools move at {', '.join(f'{v:g}' for v in sorted(speeds))} m/s and need "
+            "different times for it; give duration_s"
+        )
+    speed = speeds.pop()
+    fill("duration_s", round(travel / speed, 6), f"{travel:g} m at {speed:g} m/s")
+
+
+def _fill_soil(document: Document, placed: list[_Placed], fill: Fill, shown: str) -> None:
+    """Size of the field, of the particles, and where means begin."""
+    soil, depth = document.get("soil"), max(tool.depth_m for tool in placed)
+    material = None
+    if isinstance(soil, dict) and isinstance(soil.get("material"), str):
+        material = read_material(Path(soil["material"]), f"{shown}: soil.material")
+    duration = document.get("duration_s")
+    ends = [abs(tool.lateral_m) + 0.5 * tool.shape.width_m for tool in placed]
+    travel = max(tool.speed_m_per_s for tool in placed) * (
+        duration if isinstance(duration, int | float) else 0.0
+    )
+    ahead = depth if material is None else rupture_distance_m(depth, material.soil.friction_angle_deg)
+    fill(
+        "report.window_inside_m",
+        math.ceil(100.0 * ahead) / 100.0,
+        "ahead of the tip the soil fails within it",
+    )
+    if material is None or not isinstance(soil, dict):
+        return
+    size = {
+        "length_m": _rounded(travel + 2.0 + 2.0 * ahead),
+        "width_m": _rounded(2.0 * (max(ends) + DEPTHS_BESIDE * depth)),
+        "depth_m": _rounded(DEPTHS_DEEP * depth),
+        "sides": "held",
+    }
+    fill("soil.bin", size, "longer than the travel; a depth to each side of the tools, half a depth below")
+    fill("soil.window", {}, "soil exists near the tools only: a longer field costs nothing")
+    fill("soil.bed", {"seed": 1}, "another seed is another sample of the soil")
+    width = min(tool.shape.width_m for tool in placed)
+    wanted = 0.5 * min(depth / IN_DEPTH["standard"], width / LEAST_ACROSS)
+    low, high = material.radii_m
+    fill(
+        "soil.particles.radius_m",
+        min(max(round(wanted, 4), low), high),
+        "of the preset standard: the size by depth and width of the tools",
+    )
+
+
+def _rounded(length_m: float) -> float:
+    return round(math.ceil(length_m / ROUND_M - 1e-9) * ROUND_M, 6)
+
+
+def _has(document: Document, key: str) -> bool:
+    value: object = document
+    for part in key.split("."):
+        if not isinstance(value, dict) or value.get(part) is None:
+            return False
+        value = value[part]
+    return True
+
+
+def _with(document: Document, keys: Sequence[str], value: object) -> Document:
+    if not keys:
+        return value  # type: ignore[return-value]
+    inner = document.get(keys[0])
+    return {**document, keys[0]: _with(inner if isinstance(inner, dict) else {}, keys[1:], value)}
+
+
+def _words(value: object) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {_words(item)}" for key, item in value.items()) or "as the soil needs"
+    if isinstance(value, list):
+        return ", ".join(map(_words, value))
+    return f"{value:g}" if isinstance(value, float) else str(value)

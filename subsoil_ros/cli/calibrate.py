@@ -14,7 +14,7 @@ from ..extras import require
 from ._shared.output import stdout_console, table
 
 if TYPE_CHECKING:
-    from ..experiments.calibration.wedge_fit import WedgeFit
+    from ..experiments.wedge_fit import WedgeFit
     from ..limits.stable_steps import Timing
 
 LARGEST_RADIUS_M = 0.1
@@ -78,9 +78,9 @@ def run(args: argparse.Namespace) -> int:
         RunError: a run failed; finished runs are kept.
     """
     from ..cache_folders import user_cache_folder
-    from ..experiments.calibration.pulls import bed_density_kg_per_m3, measure
-    from ..experiments.calibration.wedge_design import base_scene, read_design
-    from ..experiments.calibration.wedge_fit import FITTED, fit_wedge
+    from ..experiments.pulls import bed_density_kg_per_m3, measure
+    from ..experiments.wedge_design import base_scene, read_design
+    from ..experiments.wedge_fit import FITTED, fit_wedge
     from ..loading.files import shipped_soil
     from ..loading.soil_file import write_soil_file
     from ..yaml_document import read_document
@@ -119,7 +119,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _material(args: argparse.Namespace) -> int:
     require("a calibration to a laboratory's soil", "dask", "distributed")
-    from ..experiments.calibration.laboratory_fit import calibrate
+    from ..experiments.laboratory_fit import calibrate
     from ..loading.material_file import read_laboratory_soil, write_material
     from ._shared.output import say
 
@@ -162,7 +162,7 @@ def _progress(name: str, timing: Timing) -> Iterator[Callable[[int], None]]:
 
 
 def _print(fit: WedgeFit, out: Path) -> None:
-    from ..experiments.calibration.wedge_fit import searched_by
+    from ..experiments.wedge_fit import searched_by
 
     console = stdout_console(highlight=True)
     fitted = table("fitted values", ("value", "", "95 % confidence"), words=3)

@@ -12,7 +12,7 @@ from ._shared.output import print_line, stdout_console
 from .sweep import add_manner
 
 if TYPE_CHECKING:
-    from ..experiments.study.study_design import StudyDesign
+    from ..experiments.study_design import StudyDesign
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,9 +41,9 @@ def run(args: argparse.Namespace) -> int:
     """
     require("a study", "dask", "distributed", "matplotlib", "pyarrow")
     from ..errors import InputError
-    from ..experiments.study.run_study import run_study
-    from ..experiments.study.study_design import design_of, read_design
-    from ..experiments.sweep.run_jobs import ExecutionOptions
+    from ..experiments.run_jobs import ExecutionOptions
+    from ..experiments.run_study import run_study
+    from ..experiments.study_design import design_of, read_design
     from ..loading.files import shipped_scene
     from ._shared.progress import SweepProgress
 
@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
 def _list(args: argparse.Namespace, design: "StudyDesign", console: Console) -> None:
     """Every preset with its particles and steps."""
     from ..api.check_scene import start_count
-    from ..experiments.study.run_study import study_jobs
+    from ..experiments.run_study import study_jobs
     from ._shared.output import table
 
     headings = ("preset", "particles", "soil steps", "particle-steps")

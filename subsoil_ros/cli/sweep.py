@@ -12,8 +12,8 @@ from ._shared.arguments import add_overrides, positive_count
 from ._shared.output import print_line, stdout_console, table
 
 if TYPE_CHECKING:
-    from ..experiments.sweep.ranking import Ranked
-    from ..experiments.sweep.run_sweep import Outcome
+    from ..experiments.run_sweep import Outcome
+    from ..experiments.sweep_ranking import Ranked
 
 SHOWN_ROWS = 12
 
@@ -91,9 +91,9 @@ def run(args: argparse.Namespace) -> int:
         RunError: every run failed.
     """
     require("a sweep", "dask", "distributed", "matplotlib", "pyarrow")
-    from ..experiments.sweep.points import parse_variations
-    from ..experiments.sweep.run_jobs import ExecutionOptions
-    from ..experiments.sweep.run_sweep import Sweep, run_sweep
+    from ..experiments.run_jobs import ExecutionOptions
+    from ..experiments.run_sweep import Sweep, run_sweep
+    from ..experiments.sweep_points import parse_variations
     from ._shared.progress import SweepProgress
 
     if not args.vary and not args.pair:

@@ -5,13 +5,13 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from ...analysis.summary import short_name
-from ...errors import InputError
-from ...loading.loader import ResolvedScene, load_scene
-from ...scene.bed_kinds import is_random
-from ...scene.soil import Soil
-from ...scene.wedge_soil import WedgeSoil
-from ...yaml_document import parse_yaml
+from ..analysis.summary import short_name
+from ..errors import InputError
+from ..loading.loader import ResolvedScene, load_scene
+from ..scene.bed_kinds import is_random
+from ..scene.soil import Soil
+from ..scene.wedge_soil import WedgeSoil
+from ..yaml_document import parse_yaml
 
 LARGEST_COUNT = 100_000
 """Most runs of a sweep; more are refused as a probable typing error, before memory is used for their list."""

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from ...analysis.intervals import t_quantile
-from ...errors import InputError
-from ...limits.soil_at_work import MAX_OVERLAP, WORKING_STRESS_PA
-from ...loading.loader import load_scene
-from ...scene.material import VERSION, Interval, LaboratorySoil, Material, mean_volume_radius_m, sizes_about
-from ...yaml_document import Document
-from ..element_tests import (
+from ..analysis.intervals import t_quantile
+from ..errors import InputError
+from ..limits.soil_at_work import MAX_OVERLAP, WORKING_STRESS_PA
+from ..loading.loader import load_scene
+from ..scene.material import VERSION, Interval, LaboratorySoil, Material, mean_volume_radius_m, sizes_about
+from ..yaml_document import Document
+from .element_tests import (
     CELL_DIAMETERS,
     CRITICAL_STRAIN,
     LEAST_PA,
@@ -31,8 +31,8 @@ from ..element_tests import (
     prepare_cell,
     tensile_strength_pa,
 )
-from ..sweep.cluster import connected
 from .particle_forms import FORMS, REST_OVERLAP, Wanted
+from .run_jobs import connected
 
 if TYPE_CHECKING:
     from distributed import Client

@@ -4,13 +4,13 @@ import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from ..._version import __version__
-from ...analysis.intervals import Interval
-from ...figures.sweep_figures import Dot, Panel, draw_study
-from ...yaml_document import Document
-from ..run_metrics import METRICS, Metric
-from .measurement import Measurement, PresetResult
+from .._version import __version__
+from ..analysis.intervals import Interval
+from ..figures.sweep_figures import Dot, Panel, draw_study
+from ..yaml_document import Document
+from .run_metrics import METRICS, Metric
 from .study_design import REFERENCE, StudyDesign
+from .study_errors import Measurement, PresetResult
 
 _SPEED_UP = ("speed_up", "speed_up_low", "speed_up_high")
 

@@ -6,15 +6,15 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from ...errors import InputError
-from ...loading.loader import ResolvedScene, load_scene
-from ...loading.soil_file import law_of
-from ...loading.validation import validated
-from ...scene.bed_kinds import is_random
-from ...scene.pair_laws import particle_spacing_m
-from ...scene.wedge_soil import WheelSoil
-from ...strict_model import Finite, Positive, StrictModel
-from ...yaml_document import read_document
+from ..errors import InputError
+from ..loading.loader import ResolvedScene, load_scene
+from ..loading.soil_file import law_of
+from ..loading.validation import validated
+from ..scene.bed_kinds import is_random
+from ..scene.pair_laws import particle_spacing_m
+from ..scene.wedge_soil import WheelSoil
+from ..strict_model import Finite, Positive, StrictModel
+from ..yaml_document import read_document
 
 GOLDEN = ((math.sqrt(5.0) - 1.0) / 2.0, 0.7548776662466927)
 """Factors of the shifts of the tool against a regular bed: their multiples modulo 1 fill a square evenly."""

@@ -7,16 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
-from ...loading.loader import ResolvedScene
-from ...loading.soil_file import SoilFile
-from ...messages import ToolMotion
-from ...scene.tool_faces import CuttingFace, cutting_faces
-from ...scene.tool_mesh import load_tool_mesh
-from ...scene.wedge_soil import SoilRange, WedgeValues
-from ...wedge.failure_wedge import Failure, Plate, failure
-from ...wedge.wedge_engine import WedgeEngine
-from ...wedge.wedge_forces import strength_of
-from ...yaml_document import Document
+from ..loading.loader import ResolvedScene
+from ..loading.soil_file import SoilFile
+from ..messages import ToolMotion
+from ..scene.tool_faces import CuttingFace, cutting_faces
+from ..scene.tool_mesh import load_tool_mesh
+from ..scene.wedge_soil import SoilRange, WedgeValues
+from ..wedge.failure_wedge import Failure, Plate, failure
+from ..wedge.wedge_engine import WedgeEngine
+from ..wedge.wedge_forces import strength_of
+from ..yaml_document import Document
 from .fluctuation import Fluctuation, fit_wedges
 from .pulls import START, Measured, PullNumbers, numbers, pull, shortest_wave_m
 from .wedge_design import Point, WedgeDesign, fitted_law, tip_of

@@ -10,22 +10,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...analysis.columns import TIME, FacetGroup, PlanarTool
-from ...api.execution import execute
-from ...api.run_frame import simulate
-from ...coupling.engines import Soil
-from ...coupling.observer import RunWatch
-from ...coupling.run_settings import RunSettings
-from ...dem.build import prepare_bed
-from ...dem.packing.bed_report import report_bed
-from ...errors import RunError
-from ...limits.stable_steps import Timing
-from ...loading.loader import ResolvedScene, load_scene
-from ...messages import ToolMotions, ToolWrenches
-from ...scene.bed_kinds import TiledBed
-from ...scene.wedge_soil import WedgeValues
-from ...ticks import INITIAL_TICK
-from ..run_cache import find_run, keep_run
+from ..analysis.columns import TIME, FacetGroup, PlanarTool
+from ..api.execution import execute
+from ..api.run_frame import simulate
+from ..coupling.engines import Soil
+from ..coupling.observer import RunWatch
+from ..coupling.run_settings import RunSettings
+from ..dem.build import prepare_bed
+from ..dem.packing.bed_report import report_bed
+from ..errors import RunError
+from ..limits.stable_steps import Timing
+from ..loading.loader import ResolvedScene, load_scene
+from ..messages import ToolMotions, ToolWrenches
+from ..scene.bed_kinds import TiledBed
+from ..scene.wedge_soil import WedgeValues
+from ..ticks import INITIAL_TICK
 from .fluctuation import (
     MEAN_LENGTHS_M,
     SAMPLE_M,
@@ -34,6 +33,7 @@ from .fluctuation import (
     variance_of_means,
     without_trend,
 )
+from .run_cache import find_run, keep_run
 from .wedge_design import Point, WedgeDesign, point_overrides, tip_of
 
 RunProgress = Callable[[str, Timing], AbstractContextManager[Callable[[int], None]]]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from ..errors import InputError
 from ..extras import require
-from ._shared.arguments import RECORD_HELP
+from .arguments import RECORD_HELP
 
 if TYPE_CHECKING:
     from ..analysis.run_statistics import RunStatistics
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of `subsoil report`."""
     parser.add_argument("record", type=Path, help=RECORD_HELP)
     parser.add_argument(
         "--html",
@@ -33,9 +32,6 @@ def run(args: argparse.Namespace) -> int:
 
     spectra.csv, load_cycles.csv, height_map.csv where the run has them; reference.csv where the scene names a
     reference.
-
-    Raises:
-        InputError: the record cannot be used, or a library is missing; nothing was written.
     """
     require("drawing", "matplotlib")
     if args.html:
@@ -52,8 +48,8 @@ def _report(recorded: RecordedRun, html: bool) -> int:
     from ..analysis.series import read_series, write_series_csv
     from ..analysis.summarize import summarize
     from ..figures.run_figures import draw_figures, draw_load_figures
-    from ..report.result_tables import print_summary, reference_rows, write_reference_csv
-    from ._shared.progress import reading_bag, working
+    from ..report import print_summary, reference_rows, write_reference_csv
+    from .progress import reading_bag, working
 
     directory, bag, resolved = recorded.directory, recorded.bag, recorded.resolved
     with reading_bag(resolved.timing) as on_time:

@@ -12,8 +12,17 @@ from ..analysis.summary import Number, Summary
 from ..analysis.versions import versions
 from ..errors import RecordingError
 from ..loading.loader import ResolvedScene
-from ..report.result_tables import HEADINGS, WORDS, metrics_table, reference_lines, reference_rows
-from ..report.sentences import design_rows, folded, load_lines, summary_facts
+from ..report import (
+    HEADINGS,
+    WORDS,
+    design_rows,
+    folded,
+    load_lines,
+    metrics_table,
+    reference_lines,
+    reference_rows,
+    summary_facts,
+)
 from .interactive_plots import RunData, interactive_plots
 from .replay import replay
 from .snapshots import Snapshots

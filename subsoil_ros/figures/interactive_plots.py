@@ -17,7 +17,7 @@ from ..analysis.run_statistics import RunStatistics, compared_columns, failures_
 from ..analysis.series import Series, moving_mean
 from ..analysis.summary import Summary
 from ..loading.loader import ResolvedScene
-from ..report.sentences import significance_words
+from ..report import significance_words
 from ..yaml_document import Document
 from .plotting import COLOURS
 from .run_figures import reference_levels

@@ -25,7 +25,7 @@ from ..analysis.series import Series, moving_mean, read_series
 from ..analysis.spectra import Spectrum
 from ..loading.loader import ResolvedScene
 from ..loading.reference import Reference
-from ..report.sentences import significance_words
+from ..report import significance_words
 from ..scene.scene import Scene
 from .plotting import COLOURS, new_figure, save_figure
 from .soil_cut import draw_soil_cut

@@ -8,8 +8,8 @@ import pytest
 import yaml
 
 from subsoil_ros.api.execution import RunResult, execute
-from subsoil_ros.cli._shared.progress import SweepProgress
 from subsoil_ros.cli.main import main
+from subsoil_ros.cli.progress import SweepProgress
 from subsoil_ros.experiments.run_cache import keep_run
 from subsoil_ros.experiments.run_jobs import ExecutionOptions, run_jobs
 from subsoil_ros.experiments.sweep_points import Point, jobs_of

@@ -8,8 +8,8 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from plotly.offline import get_plotlyjs
 
+from ..analysis.summarize import versions
 from ..analysis.summary import Number, Summary
-from ..analysis.versions import versions
 from ..errors import RecordingError
 from ..loading.loader import ResolvedScene
 from ..report import (

@@ -13,8 +13,8 @@ import plotly.graph_objects as go
 from ..analysis.columns import DRAFT, DRAFT_OF_SHARES, DRAFT_OF_WHEELS, TIME, Body, spring_element
 from ..analysis.failure_cycles import SMOOTHED_S
 from ..analysis.metrics_window import metrics_window, tip_x_m, window_span_s
-from ..analysis.run_statistics import RunStatistics, compared_columns, failures_of
 from ..analysis.series import Series, moving_mean
+from ..analysis.summarize import RunStatistics, compared_columns, failures_of
 from ..analysis.summary import Summary
 from ..loading.loader import ResolvedScene
 from ..report import significance_words

@@ -146,7 +146,7 @@ def _draw(args: argparse.Namespace, recorded: RecordedRun, frames: Snapshots) ->
 
 
 def _write_vtk(args: argparse.Namespace, recorded: RecordedRun, frames: Snapshots) -> None:
-    from ..figures.vtk_series import write_vtk_series
+    from ..figures.renderer import write_vtk_series
     from .progress import counted
 
     with counted("writing VTK files", len(frames.times_ns)) as done:

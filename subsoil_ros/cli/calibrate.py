@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from ..errors import InputError
 from ..extras import require
-from .output import stdout_console, table
+from .output import say, stdout_console, table
 
 if TYPE_CHECKING:
     from ..experiments.wedge_fit import WedgeFit
@@ -78,7 +78,6 @@ def run(args: argparse.Namespace) -> int:
     from ..loading.files import shipped_soil
     from ..loading.soil_file import write_soil_file
     from ..yaml_document import read_document
-    from .output import say
     from .progress import KernelAnnouncer, working
 
     args.design = shipped_soil(args.design)
@@ -115,7 +114,6 @@ def _material(args: argparse.Namespace) -> int:
     require("a calibration to a laboratory's soil", "dask", "distributed")
     from ..experiments.laboratory_fit import calibrate
     from ..loading.material_file import read_laboratory_soil, write_material
-    from .output import say
 
     soil = read_laboratory_soil(args.design)
     if not 0.0 < args.radius <= LARGEST_RADIUS_M:
@@ -147,7 +145,6 @@ def _material(args: argparse.Namespace) -> int:
 
 @contextmanager
 def _progress(name: str, timing: Timing) -> Iterator[Callable[[int], None]]:
-    from .output import say
     from .progress import RunProgress
 
     say(f"running {name}")

@@ -268,12 +268,8 @@ def _interval(found: NDArray[np.float64]) -> Interval:
     return Interval(value=mean, low=mean - half, high=mean + half)
 
 
-def _cell(document: Document) -> Cell:
+def _pressed(document: Document) -> Cell:
     return prepare_cell(load_scene(document))
-
-
-def _pressed(document: Document) -> None:
-    _cell(document)
 
 
 def _strength(document: Document) -> tuple[float, float, float]:
@@ -287,7 +283,7 @@ def _critical(document: Document) -> tuple[float, float, float]:
 
 
 def _series(document: Document, end_strain: float, *, to_peak: bool) -> tuple[float, float, float]:
-    cell = _cell(document)
+    cell = _pressed(document)
     curves = [plane_strain(cell, least, end_strain, to_peak=to_peak) for least in LEAST_PA]
     points = [curve.peak_pa() if to_peak else curve.critical_pa() for curve in curves]
     strength = fit_strength(*zip(*points, strict=True))
@@ -296,8 +292,8 @@ def _series(document: Document, end_strain: float, *, to_peak: bool) -> tuple[fl
 
 
 def _modulus(document: Document) -> float:
-    return confined_modulus_pa(_cell(document))
+    return confined_modulus_pa(_pressed(document))
 
 
 def _tension(document: Document) -> float:
-    return tensile_strength_pa(_cell(document))
+    return tensile_strength_pa(_pressed(document))

@@ -39,15 +39,12 @@ class Watcher(Protocol):
 
     def begin(self, kept: int, count: int) -> None:
         """Start: `kept` of `count` runs are in the cache already."""
-        ...
 
     def went_on(self, name: str, part: float) -> None:
         """Update: a run has done this part of its ticks."""
-        ...
 
     def ended(self, name: str, failure: str | None) -> None:
         """End of a run: its result is kept."""
-        ...
 
 
 @dataclass(frozen=True)

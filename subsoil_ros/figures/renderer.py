@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..loading.loader import ResolvedScene
 from ..recording.soil_clouds import soil_span_m
-from .machine_shapes import Segments, Shapes, Surface
+from .machine_shapes import COLOURS, Segments, Shapes, Surface
 from .snapshots import Frame, Snapshots
 from .soil_cut import SPEED_SCALE_M_PER_S
 
@@ -27,7 +27,6 @@ DISPLACEMENT_SCALE_DIAMETERS = 5.0
 _HEADROOM_M = 0.45  # height shown above the bed, with shank and wheels
 _TUBE_M = 0.012  # radius of the lines of the machine, for appearance only
 _FAR_M = 20.0  # distance of a camera without perspective from its focal point
-_COLOURS = {"tool": "#9aa0a6", "body": "#3c4043", "spring": "#c55a11", "bin": "#806040"}
 _MARGIN = 1.06
 _RADIUS = "radius_m"
 _SMALLEST_FONT = 6  # points, still readable
@@ -78,12 +77,12 @@ class Renderer:
         for surface in surfaces:
             behind = hidden(surface)
             mesh = pyvista.PolyData.from_regular_faces(surface.vertices_m, surface.facets)
-            plotter.add_mesh(mesh, color=_COLOURS["tool"], opacity=0.25 if behind else 1.0, specular=0.3)
+            plotter.add_mesh(mesh, color=COLOURS["tool"], opacity=0.25 if behind else 1.0, specular=0.3)
         _add_lines(plotter, self._shapes.skeleton(frame), "body", _TUBE_M)
         _add_lines(plotter, self._shapes.wheels(frame), "body", 0.5 * _TUBE_M)
         _add_lines(plotter, self._shapes.springs(frame), "spring", 1.5 * _TUBE_M)
         bounds = self._bounds(frame)
-        plotter.add_mesh(pyvista.Box(bounds).outline(), color=_COLOURS["bin"], line_width=2)
+        plotter.add_mesh(pyvista.Box(bounds).outline(), color=COLOURS["soil"], line_width=2)
         plotter.add_text(
             f"{self._resolved.scene.name}   t = {frame.time_s:.3f} s", position="upper_left",
             font_size=self._font_size(10), color="black",
@@ -188,7 +187,7 @@ class Renderer:
 def _add_lines(plotter: pyvista.Plotter, ends_m: Segments, kind: str, radius_m: float) -> None:
     if len(ends_m):
         tubes = pyvista.line_segments_from_points(ends_m).tube(radius=radius_m)
-        plotter.add_mesh(tubes, color=_COLOURS[kind])
+        plotter.add_mesh(tubes, color=COLOURS[kind])
 
 
 def save_pictures(

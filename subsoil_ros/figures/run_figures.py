@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from ..analysis import failure_cycles
 from ..analysis.columns import (
     DRAFT,
     DRAFT_OF_SHARES,
@@ -18,7 +19,6 @@ from ..analysis.columns import (
     spring_element,
 )
 from ..analysis.disturbance import Disturbance
-from ..analysis.failure_cycles import SMOOTHED_S
 from ..analysis.fatigue import LoadCycles
 from ..analysis.metrics_window import Window, metrics_window, tip_x_m, window_span_s
 from ..analysis.series import Series, moving_mean, read_series
@@ -28,10 +28,8 @@ from ..loading.loader import ResolvedScene
 from ..loading.reference import Reference
 from ..report import significance_words
 from ..scene.scene import Scene
-from .plotting import COLOURS, new_figure, save_figure
+from .plotting import COLOURS, CYCLE_BINS, SMOOTHED_S, new_figure, save_figure
 from .soil_cut import draw_soil_cut
-
-_SMOOTHED_S = 0.05  # over the noise of single contacts and well below a cycle
 
 
 def draw_figures(
@@ -73,7 +71,7 @@ def _draw_over_travel(series: Series, scene: Scene, window: Window, path: Path) 
     soil."""
     tip = tip_x_m(series, scene)
     report = scene.report
-    columns = {DRAFT: f"draft [N], mean over {1e3 * SMOOTHED_S:.0f} ms"}
+    columns = {DRAFT: f"draft [N], mean over {1e3 * failure_cycles.SMOOTHED_S:.0f} ms"}
     columns[spring_element(report.spring).load] = "spring force [N], compression +"
     columns[Body(report.shank).angle_rad] = "share angle [rad]"
     columns = {name: label for name, label in columns.items() if name in series}
@@ -84,7 +82,7 @@ def _draw_over_travel(series: Series, scene: Scene, window: Window, path: Path) 
     failures = failures_of(series, scene, window)
     for axes, (name, label) in zip(panels, columns.items(), strict=True):
         smoothed = name == DRAFT
-        values = moving_mean(series, name, SMOOTHED_S) if smoothed else series[name]
+        values = moving_mean(series, name, failure_cycles.SMOOTHED_S) if smoothed else series[name]
         axes.plot(tip, values, color=COLOURS["main"], lw=1.2)
         axes.set_ylabel(label, fontsize=9)
         axes.grid(alpha=0.3)
@@ -147,12 +145,12 @@ def _paint(axes: Axes, series: Series, resolved: ResolvedScene, curve: _Curve) -
 
 def _paint_draft(axes: Axes, series: Series, scene: Scene) -> None:
     """The draft as recorded and smoothed, with its parts."""
-    times, smoothed = series[TIME], f"mean over {_SMOOTHED_S:g} s"
+    times, smoothed = series[TIME], f"mean over {SMOOTHED_S:g} s"
     axes.plot(times, series[DRAFT], color=COLOURS["main"], lw=0.7, alpha=0.5, label="draft as recorded")
 
     def draw(name: str, label: str, **style: Any) -> None:
         if name in series:
-            smooth = moving_mean(series, name, _SMOOTHED_S)
+            smooth = moving_mean(series, name, SMOOTHED_S)
             axes.plot(times, smooth, label=f"{label}, {smoothed}", **style)
 
     draw(DRAFT, "draft", color=COLOURS["main"], lw=1.8)
@@ -181,9 +179,6 @@ def reference_levels(
         elif measure in ("mean", "min", "max"):
             levels.append(scale * (given.value - zero))
     return levels
-
-
-_CYCLE_BINS = 24
 
 
 def draw_load_figures(statistics: RunStatistics, title: str, directory: Path) -> list[Path]:
@@ -237,7 +232,7 @@ def _draw_spectra(spectra: dict[str, Spectrum], title: str, path: Path) -> Path:
 def _draw_cycles(cycles: LoadCycles, title: str, path: Path) -> Path:
     figure = new_figure(9.0, 4.2)
     axes = figure.add_subplot()
-    edges = np.linspace(0.0, cycles.max_range_newton, _CYCLE_BINS + 1)
+    edges = np.linspace(0.0, cycles.max_range_newton, CYCLE_BINS + 1)
     axes.hist(cycles.range_newton, bins=edges.tolist(), weights=cycles.count, color=COLOURS["main"])
     equivalent = cycles.equivalent_range_newton()
     axes.axvline(equivalent, color=COLOURS["share"], label=f"same damage as {equivalent:.0f} N once a second")

@@ -120,10 +120,8 @@ def _general(resolved: ResolvedScene) -> Iterable[tuple[str, str]]:
             x, y, z = found.centre_m
             yield (
                 f"at {tool.density_kg_per_m3:g} kg/m3",
-                (
-                    f"{found.mass_kg:.4g} kg, {found.inertia_kg_m2:.4g} kg m2 about y through its centre, "
-                    f"({x:.4f}, {y:.4f}, {z:.4f}) m from the origin of the {'body' if tool.body else 'path'}"
-                ),
+                f"{found.mass_kg:.4g} kg, {found.inertia_kg_m2:.4g} kg m2 about y through its centre, "
+                f"({x:.4f}, {y:.4f}, {z:.4f}) m from the origin of the {'body' if tool.body else 'path'}",
             )
             if tool.body and scene.mechanism:
                 body = scene.mechanism.bodies[tool.body]
@@ -220,10 +218,8 @@ def _cost(found: CheckResult) -> Iterable[tuple[str, str]]:
     yield "memory", f"{cost.memory_bytes / 1e9:.2f} GB for the soil, {others} other process"
     yield (
         "wall time",
-        (
-            f"about {_duration(cost.soil_wall_s)} for the soil on one core, and {exchange} of exchange "
-            "between separate processes"
-        ),
+        f"about {_duration(cost.soil_wall_s)} for the soil on one core, and {exchange} of exchange "
+        "between separate processes",
     )
 
 

@@ -114,11 +114,9 @@ def particle_rows(resolved: ResolvedScene, soil: Soil, count: int) -> Iterable[t
     length, width = bed.upper_m[0] - bed.lower_m[0], bed.upper_m[1] - bed.lower_m[1]
     yield (
         "bin",
-        (
-            f"{soil.bin.length_m:g} x {soil.bin.width_m:g} x {soil.bin.depth_m:g} m; fitted to the bed: "
-            f"{length:.4g} x {width:.4g} m, floor at z = {bed.lower_m[2]:.4f} m"
-            + ("" if bed.period_m is None else f", y periodic with {width:.4g} m")
-        ),
+        f"{soil.bin.length_m:g} x {soil.bin.width_m:g} x {soil.bin.depth_m:g} m; fitted to the bed: "
+        f"{length:.4g} x {width:.4g} m, floor at z = {bed.lower_m[2]:.4f} m"
+        + ("" if bed.period_m is None else f", y periodic with {width:.4g} m"),
     )
 
 

@@ -123,18 +123,12 @@ def _say_where_nodes_are(run: RunSettings, domain: int, namespace: str) -> None:
         )
 
 
-def _avoid_full_memory(process_count: int) -> None:
-    """Says so if messages cannot go through shared memory."""
-    words = avoid_full_memory(process_count)
-    if words:
-        say(words)
-
-
 def _run_composed(frame: RunFrame, namespace: str, observer: RunObserver) -> None:
     with run_domain() as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-        _avoid_full_memory(1)
+        if words := avoid_full_memory(1):
+            say(words)
         from ...ros.nodes.composed import run_composed, scene_builds
 
         _say_where_nodes_are(frame.settings, domain, namespace)
@@ -150,18 +144,12 @@ def _run_nodes(frame: RunFrame, namespace: str, watch: RunWatch) -> None:
     logs.mkdir()
     nodes = nodes_of(frame.settings, frame.scene)
     with run_domain() as domain:
-        _avoid_full_memory(len(nodes))
+        if words := avoid_full_memory(len(nodes)):
+            say(words)
         _say_where_nodes_are(frame.settings, domain, namespace)
         processes = [
-            start_node(
-                node.name,
-                node_program(node.name),
-                logs / f"{node.name}.log",
-                node.parameters,
-                domain,
-                namespace,
-            )
-            for node in nodes
+            start_node(name, node_program(name), logs / f"{name}.log", parameters, domain, namespace)
+            for name, parameters in ((node.name, node.parameters) for node in nodes)
         ]
         status = Supervisor(processes, watch).follow()
     if status.code:

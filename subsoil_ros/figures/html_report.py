@@ -71,10 +71,8 @@ def write_html(directory: Path, bag: Path, run: RunData, pictures: Sequence[Path
         "reference": reference,
         "reference_headings": HEADINGS,
         "reference_words": WORDS,
-        "reference_rows": []
-        if reference is None
-        else [r.cells() for r in reference_rows(reference, document)],
-        "reference_lines": [] if reference is None else reference_lines(reference, document),
+        "reference_rows": [row.cells() for row in reference_rows(reference, document)] if reference else [],
+        "reference_lines": reference_lines(reference, document) if reference else [],
         "warnings": _warnings(directory, resolved, summary, facts),
         "plotlyjs": get_plotlyjs(),
         "plots": interactive_plots(run),

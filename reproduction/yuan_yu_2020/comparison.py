@@ -20,7 +20,7 @@ from subsoil_ros.analysis.metrics_window import Window
 from subsoil_ros.analysis.series import Series, moving_mean
 from subsoil_ros.analysis.spectra import SEGMENTS, SLOWEST
 from subsoil_ros.analysis.summarize import MOVING_S, RunStatistics, compared_columns
-from subsoil_ros.report import significance_words
+from subsoil_ros.run_results import significance_words
 from subsoil_ros.scene.mechanism import Driver
 from subsoil_ros.scene.scene import Scene
 from subsoil_ros.scene.time_laws import ConstantLaw

@@ -46,7 +46,7 @@ def _report(recorded: RecordedRun, html: bool) -> int:
     from ..analysis.series import read_series, write_series_csv
     from ..analysis.summarize import run_statistics, summarize
     from ..figures.run_figures import draw_figures, draw_load_figures
-    from ..report import print_summary, reference_rows, write_reference_csv
+    from ..run_results import print_summary, reference_rows, write_reference_csv
     from .progress import reading_bag, working
 
     directory, bag, resolved = recorded.directory, recorded.bag, recorded.resolved

@@ -12,7 +12,7 @@ from ..analysis.summarize import versions
 from ..analysis.summary import Number, Summary
 from ..errors import RecordingError
 from ..loading.loader import ResolvedScene
-from ..report import (
+from ..run_results import (
     HEADINGS,
     WORDS,
     design_rows,

@@ -20,7 +20,7 @@ from ..analysis.spectra import Spectrum
 from ..analysis.summarize import RunStatistics, compared_columns, failures_of
 from ..analysis.summary import Summary
 from ..loading.loader import ResolvedScene
-from ..report import significance_words
+from ..run_results import significance_words
 from ..yaml_document import Document
 from .plotting import COLOURS, CYCLE_BINS
 from .run_figures import reference_levels

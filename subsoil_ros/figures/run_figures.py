@@ -26,7 +26,7 @@ from ..analysis.spectra import Spectrum
 from ..analysis.summarize import MOVING, RunStatistics, failures_of
 from ..loading.loader import ResolvedScene
 from ..loading.reference import Reference
-from ..report import significance_words
+from ..run_results import significance_words
 from ..scene.scene import Scene
 from .plotting import COLOURS, CYCLE_BINS, SMOOTHED_S, new_figure, save_figure
 from .soil_cut import draw_soil_cut

@@ -17,12 +17,12 @@ from ...coupling.run_settings import RunSettings
 from ...errors import InputError
 from ...extras import require, require_ros
 from ...loading.loader import ResolvedScene, load_scene
-from ...report import mean_words, print_summary
 from ...ros.process.node_plan import checked_namespace, nodes_of
 from ...ros.process.supervisor import Supervisor, node_program, start_node
 from ...ros.transport.environment import check_environment
 from ...ros.transport.ros_domain import run_domain
 from ...ros.transport.shared_memory import avoid_full_memory
+from ...run_results import mean_words, print_summary
 from ...yaml_document import Document
 from ..output import say
 from ..progress import (

@@ -22,7 +22,7 @@ from rich.console import Console
 from benchmarks.idle import STAMPS_FILE
 from benchmarks.peers.helics_exchange import helics_cost
 from benchmarks.soil_cases import DENSITY_KG_PER_M3, LINEAR, RADIUS_M
-from subsoil_ros.cli._shared.output import say, table
+from subsoil_ros.cli.output import say, table
 from subsoil_ros.coupling.observer import RunWatch
 from subsoil_ros.coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL
 from subsoil_ros.loading.loader import load_scene

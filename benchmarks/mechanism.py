@@ -15,8 +15,8 @@ from typing import Any
 from rich.console import Console
 
 from benchmarks.peers.exudyn_machine import exudyn_cost
-from subsoil_ros.cli._shared.output import table
-from subsoil_ros.cli._shared.progress import KernelAnnouncer
+from subsoil_ros.cli.output import table
+from subsoil_ros.cli.progress import KernelAnnouncer
 from subsoil_ros.mbd.advance import advance_tick
 from subsoil_ros.mbd.assembly import assemble
 from subsoil_ros.mbd.machine_arrays import make_state, make_workspace

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from subsoil_ros.api.prepare_bed import prepare_bed_first
-from subsoil_ros.cli._shared.progress import KernelAnnouncer, bed_progress
+from subsoil_ros.cli.progress import KernelAnnouncer, bed_progress
 from subsoil_ros.coupling.engines import build_motion_source, build_soil, soil_state
 from subsoil_ros.dem.cpu_steps import CpuSteps
 from subsoil_ros.dem.integration import kick_drift

@@ -21,8 +21,8 @@ from benchmarks.roofline import flops_per_s, roofline, triad_bytes_per_s
 from benchmarks.soil_cases import Case, scaling_cases, throughput_cases
 from benchmarks.throughput import Throughput, measure, phase_parts
 from subsoil_ros.api.prepare_bed import prepare_bed_first
-from subsoil_ros.cli._shared.output import say, table
-from subsoil_ros.cli._shared.progress import KernelAnnouncer, bed_progress
+from subsoil_ros.cli.output import say, table
+from subsoil_ros.cli.progress import KernelAnnouncer, bed_progress
 from subsoil_ros.dem.bed import Bed
 from subsoil_ros.dem.build import prepare_bed
 

@@ -19,7 +19,7 @@ from launch_ros.actions import Node, SetParameter
 from launch_ros.parameter_descriptions import ParameterValue
 
 from subsoil_ros.api.run_frame import open_run
-from subsoil_ros.cli._shared.progress import KernelAnnouncer, bed_progress
+from subsoil_ros.cli.progress import KernelAnnouncer, bed_progress
 from subsoil_ros.cli.run.simulation import live_port, say_opened, say_where
 from subsoil_ros.coupling.run_options import OPTIONS
 from subsoil_ros.coupling.run_settings import RunSettings

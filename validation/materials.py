@@ -39,7 +39,7 @@ from subsoil_ros.scene.material import RADIUS_SPREAD
 from subsoil_ros.yaml_document import Document
 
 SEEDS = (1, 2, 3)
-"""Other than experiments.calibration.laboratory_fit.SEEDS."""
+"""Other than experiments.laboratory_fit.SEEDS."""
 
 COHESION_PA, COHESION_PART, ANGLE_DEG, DENSITY_PART = 1e3, 0.1, 2.0, 0.03
 """Accepted."""

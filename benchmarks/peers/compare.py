@@ -20,7 +20,7 @@ import numpy as np
 from benchmarks.soil_cases import Case, stirred_velocities, throughput_cases
 from benchmarks.throughput import bed_hash
 from subsoil_ros.api.prepare_bed import prepare_bed_first
-from subsoil_ros.cli._shared.progress import KernelAnnouncer, bed_progress
+from subsoil_ros.cli.progress import KernelAnnouncer, bed_progress
 from subsoil_ros.dem.build import prepare_bed
 
 from . import lammps_granular, liggghts, subsoil, yade_viscoelastic

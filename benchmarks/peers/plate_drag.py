@@ -20,7 +20,7 @@ import trimesh
 
 from benchmarks.soil_cases import DENSE, linear_case
 from subsoil_ros.api.prepare_bed import prepare_bed_first
-from subsoil_ros.cli._shared.progress import KernelAnnouncer, bed_progress
+from subsoil_ros.cli.progress import KernelAnnouncer, bed_progress
 from subsoil_ros.dem.bed import Bed
 from subsoil_ros.dem.build import prepare_bed
 

@@ -18,8 +18,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from subsoil_ros.analysis.metrics_window import metrics_window
-from subsoil_ros.analysis.run_statistics import run_statistics
 from subsoil_ros.analysis.series import read_series
+from subsoil_ros.analysis.summarize import run_statistics
 from subsoil_ros.api.read import recorded_run
 from subsoil_ros.figures.plotting import COLOURS, new_figure, save_figure
 

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from subsoil_ros.analysis.columns import DRAFT, TIME, Body, spring_element
 from subsoil_ros.analysis.disturbance import ZONE_M, SpeedZones
 from subsoil_ros.analysis.metrics_window import Window
-from subsoil_ros.analysis.run_statistics import MOVING_S, RunStatistics, compared_columns
 from subsoil_ros.analysis.series import Series, moving_mean
 from subsoil_ros.analysis.spectra import SEGMENTS, SLOWEST
-from subsoil_ros.report.sentences import significance_words
+from subsoil_ros.analysis.summarize import MOVING_S, RunStatistics, compared_columns
+from subsoil_ros.run_results import significance_words
 from subsoil_ros.scene.mechanism import Driver
 from subsoil_ros.scene.scene import Scene
 from subsoil_ros.scene.time_laws import ConstantLaw

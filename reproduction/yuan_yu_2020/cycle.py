@@ -27,10 +27,10 @@ from scipy.signal import detrend
 from benchmarks.run_cache import write_rows
 from subsoil_ros.analysis.columns import DRAFT, Body, Wrench
 from subsoil_ros.analysis.failure_cycles import SMOOTHED_S
-from subsoil_ros.analysis.run_statistics import MOVING_S
 from subsoil_ros.analysis.series import step_s
 from subsoil_ros.analysis.spectra import spectrum
 from subsoil_ros.analysis.stationarity import stationarity
+from subsoil_ros.analysis.summarize import MOVING_S
 
 from . import RESULTS
 from .cycle_frequency import frequency_rows

@@ -33,7 +33,7 @@ from subsoil_ros.analysis.dead_centre import shank_spring
 from subsoil_ros.analysis.metrics_window import tip_path_m
 from subsoil_ros.analysis.series import Series, read_series_csv
 from subsoil_ros.analysis.stationarity import stationarity
-from subsoil_ros.experiments.sweep.points import seed_key
+from subsoil_ros.experiments.sweep_points import seed_key
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.scene.scene import Scene
 

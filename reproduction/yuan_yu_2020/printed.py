@@ -1,7 +1,7 @@
 """Printed results of Yuan & Yu (2020), section 4: the values of config/references/yuan_yu_2020.yaml."""
 
 from subsoil_ros.analysis.columns import DRAFT, Body, spring_element
-from subsoil_ros.analysis.run_statistics import MOVING
+from subsoil_ros.analysis.summarize import MOVING
 from subsoil_ros.analysis.summary import path_of
 from subsoil_ros.loading.reference import read_reference
 

@@ -22,8 +22,8 @@ import numpy as np
 from benchmarks.run_cache import FailedRun, Summary, kept_run, write_rows, write_scene
 from subsoil_ros.analysis.columns import DRAFT, TIME, Body, spring_element
 from subsoil_ros.analysis.dead_centre import past_dead_centre_s
-from subsoil_ros.analysis.run_statistics import MOVING
 from subsoil_ros.analysis.series import read_series_csv
+from subsoil_ros.analysis.summarize import MOVING
 from subsoil_ros.analysis.summary import MEAN_DRAFT, path_of
 from subsoil_ros.errors import SubsoilError
 from subsoil_ros.loading.loader import load_scene

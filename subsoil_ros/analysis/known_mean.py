@@ -92,10 +92,7 @@ class KnownMean:
             narrow = half_width <= wanted.relative_interval * abs(mean) and math.isfinite(mean)
             reached = narrow and mean != 0.0 and verdict == "no drift seen"
         return {
-            "metric": wanted.metric,
-            "relative_interval": wanted.relative_interval,
-            "confidence": wanted.confidence,
-            "at_most_m": wanted.at_most_m,
+            **wanted.model_dump(),
             "reached": reached,
             "mean": mean,
             "half_width": half_width,

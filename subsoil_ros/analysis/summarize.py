@@ -1,9 +1,13 @@
-"""Metrics of a finished run, from its bag."""
+"""Statistics and metrics of a finished run, from its bag; the software and the machine that made it."""
 
+import platform
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import numpy as np
 
+from .._version import __version__
 from ..loading.loader import ResolvedScene
 from ..messages import Command, Grant, LostParticle, SoilState
 from ..recording.bag_reader import BagReader
@@ -11,11 +15,156 @@ from ..recording.joined import open_record
 from ..scene.scene import Scene
 from ..ticks import tick_end_s
 from ..yaml_document import Document
-from .columns import COUPLING, SOIL, TIME
-from .metrics_window import metrics_window, window_span_s
-from .run_statistics import RunStatistics, run_statistics
-from .series import Series, read_series
+from .columns import COUPLING, DRAFT, SOIL, TIME, Body, Wrench, spring_element
+from .dead_centre import past_dead_centre_s
+from .disturbance import Disturbance, read_disturbance, write_height_map_csv, write_section_csv
+from .failure_cycles import SMOOTHED_S, FailureCycles, failure_cycles
+from .fatigue import LoadCycles, load_cycles, write_cycles_csv
+from .loads import loads_of
+from .metrics_window import Window, metrics_window, tip_x_m, window_span_s
+from .series import Series, moving_mean, read_series, step_s
+from .spectra import Spectrum, spectrum, write_spectra_csv
+from .stationarity import Stationarity, stationarity
 from .summary import SCHEMA_VERSION, Summary, UnrecordedSummary
+
+PACKAGES = ("numpy", "numba", "llvmlite", "scipy", "pydantic", "trimesh", "mcap", "rosbags", "ros-rclpy")
+"""Packages whose versions may change results, or how they are recorded."""
+
+MOVING = "moving_10ms"
+"""Key of the extremes of the moving mean over MOVING_S."""
+
+MOVING_S = 0.010
+"""Time of the moving mean whose extremes are compared: longer than the noise of single contacts (measured on
+the prototypes, whose first results also state 10 ms peaks)."""
+
+
+@dataclass(frozen=True)
+class RunStatistics:
+    """Statistics of the metrics window of one run; quantities by the names of their columns."""
+
+    loads: Document
+    stationarity: dict[str, Stationarity]
+    spectra: dict[str, Spectrum]
+    cycles: LoadCycles | None
+    failures: FailureCycles | None
+    disturbance: Disturbance | None
+    moving_extremes: dict[str, tuple[float, float]]  # of the 10 ms moving mean
+    run_extremes: dict[str, tuple[float, float]]
+    past_dead_centre_s: float | None  # when the shank passed that of its spring
+
+    def column_metrics(self) -> dict[str, Document]:
+        """Groups of single columns, by column, beside their mean: values of the fields of summary.Column."""
+        found: dict[str, Document] = {}
+        for name, extremes in self.moving_extremes.items():
+            found[name] = {MOVING: _span(extremes), "run": {MOVING: _span(self.run_extremes[name])}}
+        for name, steady in self.stationarity.items():
+            found.setdefault(name, {})["stationarity"] = steady
+        for name, item in self.spectra.items():
+            found.setdefault(name, {})["spectrum"] = item
+        return found
+
+    def metrics(self) -> Document:
+        """Groups of the whole run: values of fields of summary.Summary; what it does not have is absent."""
+        loads = dict(self.loads)
+        if self.past_dead_centre_s is not None:
+            loads["past_dead_centre_s"] = self.past_dead_centre_s
+        if self.cycles is not None:
+            loads["rainflow"] = {
+                "cycle_count": float(self.cycles.count.sum()),
+                "max_range_newton": self.cycles.max_range_newton,
+                "equivalent_range_newton": self.cycles.equivalent_range_newton(),
+            }
+        found: Document = {"loads": loads}
+        if self.failures is not None:
+            found["failure_cycles"] = self.failures.metrics()
+        if self.disturbance is not None:
+            found["disturbance"] = self.disturbance.metrics()
+            loads["specific"] |= _per_area(loads["specific"], self.disturbance.area_m2)
+        return found
+
+    def write_tables(self, directory: Path) -> None:
+        """Write spectra.csv, load_cycles.csv, height_map.csv and loosened_section.csv of what the run has."""
+        if self.spectra:
+            write_spectra_csv(self.spectra, directory / "spectra.csv")
+        if self.cycles is not None:
+            write_cycles_csv(self.cycles, directory / "load_cycles.csv")
+        if self.disturbance is not None:
+            write_height_map_csv(self.disturbance.lift, directory / "height_map.csv")
+            write_section_csv(self.disturbance, directory / "loosened_section.csv")
+
+
+def compared_columns(scene: Scene) -> tuple[str, ...]:
+    """Columns that are compared between runs: draft, spring force, angle and height."""
+    report = scene.report
+    names = [DRAFT]
+    if report.spring is not None:
+        names.append(spring_element(report.spring).load)
+    if report.shank is not None:
+        names += [Body(report.shank).angle_rad, Body(report.shank).z_m]
+    return tuple(names)
+
+
+def run_statistics(bag: Path, resolved: ResolvedScene, series: Series, window: Window) -> RunStatistics:
+    """Compute the statistics from a run's bag, series and window.
+
+    Raises:
+        InputError, RecordingError: as open_record.
+    """
+    rows = window.rows
+    names = [name for name in compared_columns(resolved.scene) if name in series]
+    upward = [Wrench(name).force_z_newton for name, tool in resolved.scene.tools.items() if tool.is_tillage]
+    judged = [*names, *(name for name in upward if name in series)]
+    inside = {name: np.asarray(series[name][rows], np.float64) for name in judged}
+    times, smooth = series[TIME][rows], {name: moving_mean(series, name, MOVING_S) for name in names}
+    steady = {name: stationarity(times, inside[name]) for name in judged}
+    spectra = {name: spectrum(step_s(series), inside[name]) for name in names}
+    spring = spring_element(resolved.scene.report.spring).load
+    cycles = None
+    if spring in series and rows.sum() > 1:
+        cycles = load_cycles(series[spring][rows], float(times[-1] - times[0]))
+    return RunStatistics(
+        loads=loads_of(series, resolved, window),
+        stationarity={name: found for name, found in steady.items() if found is not None},
+        spectra={name: found for name, found in spectra.items() if found is not None},
+        cycles=cycles,
+        failures=failures_of(series, resolved.scene, window),
+        disturbance=read_disturbance(bag, resolved, series, window),
+        moving_extremes={name: _extremes(values[rows]) for name, values in smooth.items()},
+        run_extremes={name: _extremes(values) for name, values in smooth.items()},
+        past_dead_centre_s=past_dead_centre_s(resolved.scene, series.columns),
+    )
+
+
+def failures_of(series: Series, scene: Scene, window: Window) -> FailureCycles | None:
+    """Failure cycles of the draft over a run's window; None without a tip in soil, or with too few."""
+    tip = tip_x_m(series, scene)
+    if tip is None or scene.soil is None or DRAFT not in series:
+        return None
+    rows = window.rows
+    draft = moving_mean(series, DRAFT, SMOOTHED_S)
+    return failure_cycles(series[TIME][rows], tip[rows], draft[rows])
+
+
+def _extremes(values: np.ndarray) -> tuple[float, float]:
+    return float(values.min()), float(values.max())
+
+
+def _span(extremes: tuple[float, float]) -> dict[str, float]:
+    low, high = extremes
+    return {"min": low, "max": high, "range": high - low}
+
+
+def _per_area(found: Document, area_m2: float) -> dict[str, float]:
+    """Draft and energy divided by the loosened section."""
+    if area_m2 <= 0.0:
+        return {}
+    per: dict[str, float] = {}
+    if "energy_joule_per_m" in found:
+        per["energy_joule_per_m3"] = found["energy_joule_per_m"] / area_m2
+    if "draft_newton_per_m" in found:
+        draft = found["draft_newton_per_m"] * found["share_width_m"]
+        per["draft_pa"] = draft / area_m2
+    return per
 
 
 def summarize(
@@ -146,3 +295,24 @@ def _statistics(values: np.ndarray) -> Document:
         "max": values.max().item(),
         "std": float(np.std(values)),
     }
+
+
+def versions() -> dict[str, str]:
+    """Versions by name, with system and processor; packages that are not installed are left out."""
+    found = {"subsoil_ros": __version__, "python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found | {"system": platform.platform(), "processor": processor_name()}
+
+
+def processor_name() -> str:
+    """Model of this machine's processor; its architecture where the system does not give the model."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from .._version import __version__
-from ..analysis.versions import processor_name
+from ..analysis.summarize import processor_name
 from ..coupling.observer import RunWatch
 from ..coupling.run_settings import RunSettings
 from ..errors import InputError

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING
 
 from ..analysis.known_mean import build_stop_rule
 from ..analysis.series import read_series, write_series_csv
-from ..analysis.summarize import summarize, summarize_unrecorded
+from ..analysis.summarize import summarize, summarize_unrecorded, versions
 from ..analysis.summary import UnrecordedSummary
-from ..analysis.versions import versions
 from ..coupling.control import Controller, build_controller
 from ..coupling.direct import RecordSink, run_direct
 from ..coupling.engines import Engines, MotionSource, Soil, build_motion_source, build_soil

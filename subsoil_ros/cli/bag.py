@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from ._shared.output import print_line, stdout_console, table
+from .output import print_line, stdout_console, table
 
 if TYPE_CHECKING:
     from ..recording.bag_info import BagFacts
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of `subsoil bag`."""
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     for name, text in (
         ("info", "print topics with counts, rates and sizes, types, compression, and what is thinned"),

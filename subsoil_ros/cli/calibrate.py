@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 
 from ..errors import InputError
 from ..extras import require
-from ._shared.output import stdout_console, table
+from .output import say, stdout_console, table
 
 if TYPE_CHECKING:
-    from ..experiments.calibration.wedge_fit import WedgeFit
+    from ..experiments.wedge_fit import WedgeFit
     from ..limits.stable_steps import Timing
 
 LARGEST_RADIUS_M = 0.1
@@ -26,7 +26,6 @@ the other does not explain is then below 10 %."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of `subsoil calibrate`."""
     parser.add_argument(
         "design",
         type=Path,
@@ -71,21 +70,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run what has not been run, fit, print, write.
-
-    Raises:
-        InputError: design, scene or file cannot be used; nothing was written.
-        RunError: a run failed; finished runs are kept.
-    """
+    """Run what has not been run, fit, print, write."""
     from ..cache_folders import user_cache_folder
-    from ..experiments.calibration.pulls import bed_density_kg_per_m3, measure
-    from ..experiments.calibration.wedge_design import base_scene, read_design
-    from ..experiments.calibration.wedge_fit import FITTED, fit_wedge
+    from ..experiments.pulls import bed_density_kg_per_m3, measure
+    from ..experiments.wedge_design import base_scene, read_design
+    from ..experiments.wedge_fit import FITTED, fit_wedge
     from ..loading.files import shipped_soil
     from ..loading.soil_file import write_soil_file
     from ..yaml_document import read_document
-    from ._shared.output import say
-    from ._shared.progress import KernelAnnouncer, working
+    from .progress import KernelAnnouncer, working
 
     args.design = shipped_soil(args.design)
     of_laboratory = read_document(args.design, str(args.design)).get("model") == "laboratory"
@@ -119,9 +112,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _material(args: argparse.Namespace) -> int:
     require("a calibration to a laboratory's soil", "dask", "distributed")
-    from ..experiments.calibration.laboratory_fit import calibrate
+    from ..experiments.laboratory_fit import calibrate
     from ..loading.material_file import read_laboratory_soil, write_material
-    from ._shared.output import say
 
     soil = read_laboratory_soil(args.design)
     if not 0.0 < args.radius <= LARGEST_RADIUS_M:
@@ -153,8 +145,7 @@ def _material(args: argparse.Namespace) -> int:
 
 @contextmanager
 def _progress(name: str, timing: Timing) -> Iterator[Callable[[int], None]]:
-    from ._shared.output import say
-    from ._shared.progress import RunProgress
+    from .progress import RunProgress
 
     say(f"running {name}")
     with RunProgress(name, timing) as progress:
@@ -162,7 +153,7 @@ def _progress(name: str, timing: Timing) -> Iterator[Callable[[int], None]]:
 
 
 def _print(fit: WedgeFit, out: Path) -> None:
-    from ..experiments.calibration.wedge_fit import searched_by
+    from ..experiments.wedge_fit import searched_by
 
     console = stdout_console(highlight=True)
     fitted = table("fitted values", ("value", "", "95 % confidence"), words=3)

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING
 
 from ..errors import InputError
 from ..extras import require
-from ._shared.output import print_line, stdout_console, table
+from .output import print_line, stdout_console, table
 
 if TYPE_CHECKING:
     from ..figures.comparison import Difference, Source
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of `subsoil compare`."""
     parser.add_argument(
         "runs",
         nargs="+",
@@ -43,11 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write comparison.csv and comparison.png, and print the table.
-
-    Raises:
-        InputError: a folder or the measurement cannot be used, or a library is missing; nothing was written.
-    """
+    """Write comparison.csv and comparison.png, and print the table."""
     require("drawing", "matplotlib")
     from ..figures.comparison import (
         differences,
@@ -58,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
         usual_columns,
         write_differences_csv,
     )
-    from ._shared.progress import working
+    from .progress import working
 
     if len(args.runs) < 2 and args.measured is None:
         raise InputError(f"{args.runs[0]}: is one run; name a second one, or a measurement by --measured")

@@ -27,7 +27,8 @@ VERBS = {
     "urdf": "write the machine of a scene as URDF (each body floats on `world`; /tf moves it)",
 }
 """Description of each verb. Verbs are modules of this folder (a dash is an underscore there), each with
-add_arguments(parser) and run(args) -> exit status; importing all of them for a list would take seconds."""
+add_arguments(parser) and run(args) -> exit status; importing all of them for a list would take seconds. `run`
+raises InputError before anything is written, and RunError or RecordingError where that fails later."""
 
 
 def _module(verb: str) -> ModuleType:

@@ -16,7 +16,6 @@ _NAME = re.compile(r"[A-Za-z][\w-]*")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of `subsoil new`."""
     parser.add_argument("name", type=Path, help="folder to make; its last part becomes the name of the scene")
     parser.add_argument(
         "--template",

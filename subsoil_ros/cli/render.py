@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ..errors import InputError
 from ..extras import require
 from ..figures import VIEWS
-from ._shared.arguments import RECORD_HELP
+from .arguments import RECORD_HELP
 
 if TYPE_CHECKING:
     from ..api.read import RecordedRun
@@ -20,7 +20,6 @@ SMALLEST_PIXELS, LARGEST_PIXELS = 64, 7680
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of `subsoil render`."""
     parser.add_argument("record", type=Path, help=RECORD_HELP)
     parser.add_argument(
         "--view",
@@ -70,12 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Draw the pictures, film or VTK files.
-
-    Raises:
-        InputError: folder or arguments cannot be used, or a library is missing; nothing was written.
-        RecordingError: the bag cannot be read.
-    """
+    """Draw the pictures, film or VTK files."""
     _check(args)
     require("drawing", "imageio", "imageio_ffmpeg", "matplotlib", "pyvista", "vtkmodules")
     from ..api.read import recorded_run
@@ -86,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _render(args: argparse.Namespace, recorded: RecordedRun) -> int:
     from ..figures.snapshots import Snapshots
-    from ._shared.progress import working
+    from .progress import working
 
     with working("reading the bag"):
         frames = Snapshots(recorded.bag, recorded.resolved)
@@ -126,7 +120,7 @@ def _check(args: argparse.Namespace) -> None:
 
 def _draw(args: argparse.Namespace, recorded: RecordedRun, frames: Snapshots) -> None:
     from ..figures.renderer import Renderer, Style, default_limits, save_film, save_pictures
-    from ._shared.progress import counted
+    from .progress import counted
 
     given = args.limits
     limits = (given[0], given[1]) if given is not None else default_limits(recorded.resolved, args.colour)
@@ -152,8 +146,8 @@ def _draw(args: argparse.Namespace, recorded: RecordedRun, frames: Snapshots) ->
 
 
 def _write_vtk(args: argparse.Namespace, recorded: RecordedRun, frames: Snapshots) -> None:
-    from ..figures.vtk_series import write_vtk_series
-    from ._shared.progress import counted
+    from ..figures.renderer import write_vtk_series
+    from .progress import counted
 
     with counted("writing VTK files", len(frames.times_ns)) as done:
         paths = write_vtk_series(recorded.resolved, frames, args.vtk, done)

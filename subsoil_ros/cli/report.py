@@ -9,16 +9,14 @@ from typing import TYPE_CHECKING
 
 from ..errors import InputError
 from ..extras import require
-from ._shared.arguments import RECORD_HELP
+from .arguments import RECORD_HELP
 
 if TYPE_CHECKING:
-    from ..analysis.run_statistics import RunStatistics
     from ..api.read import RecordedRun
     from ..yaml_document import Document
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of `subsoil report`."""
     parser.add_argument("record", type=Path, help=RECORD_HELP)
     parser.add_argument(
         "--html",
@@ -33,9 +31,6 @@ def run(args: argparse.Namespace) -> int:
 
     spectra.csv, load_cycles.csv, height_map.csv where the run has them; reference.csv where the scene names a
     reference.
-
-    Raises:
-        InputError: the record cannot be used, or a library is missing; nothing was written.
     """
     require("drawing", "matplotlib")
     if args.html:
@@ -48,12 +43,11 @@ def run(args: argparse.Namespace) -> int:
 
 def _report(recorded: RecordedRun, html: bool) -> int:
     from ..analysis.metrics_window import metrics_window
-    from ..analysis.run_statistics import run_statistics
     from ..analysis.series import read_series, write_series_csv
-    from ..analysis.summarize import summarize
+    from ..analysis.summarize import run_statistics, summarize
     from ..figures.run_figures import draw_figures, draw_load_figures
-    from ..report.result_tables import print_summary, reference_rows, write_reference_csv
-    from ._shared.progress import reading_bag, working
+    from ..run_results import print_summary, reference_rows, write_reference_csv
+    from .progress import reading_bag, working
 
     directory, bag, resolved = recorded.directory, recorded.bag, recorded.resolved
     with reading_bag(resolved.timing) as on_time:
@@ -66,7 +60,7 @@ def _report(recorded: RecordedRun, html: bool) -> int:
     try:
         write_series_csv(series, directory / "series.csv")
         summary.write(directory / "summary.json")
-        _write_tables(statistics, directory)
+        statistics.write_tables(directory)
         if resolved.reference is not None:
             rows = reference_rows(resolved.reference, summary.document())
             write_reference_csv(rows, directory / "reference.csv")
@@ -87,20 +81,6 @@ def _report(recorded: RecordedRun, html: bool) -> int:
     if html:
         print(f"page: {page}")
     return 0
-
-
-def _write_tables(statistics: RunStatistics, directory: Path) -> None:
-    from ..analysis.disturbance import write_height_map_csv, write_section_csv
-    from ..analysis.fatigue import write_cycles_csv
-    from ..analysis.spectra import write_spectra_csv
-
-    if statistics.spectra:
-        write_spectra_csv(statistics.spectra, directory / "spectra.csv")
-    if statistics.cycles is not None:
-        write_cycles_csv(statistics.cycles, directory / "load_cycles.csv")
-    if statistics.disturbance is not None:
-        write_height_map_csv(statistics.disturbance.lift, directory / "height_map.csv")
-        write_section_csv(statistics.disturbance, directory / "loosened_section.csv")
 
 
 def _known_facts(directory: Path) -> Document:

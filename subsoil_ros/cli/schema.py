@@ -4,11 +4,10 @@ import argparse
 import json
 from pathlib import Path
 
-from ._shared.output import write_out
+from .output import write_out
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of `subsoil schema`."""
     parser.add_argument(
         "--out",
         type=Path,

@@ -5,14 +5,13 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from ._shared.arguments import add_overrides, positive_count
+from .arguments import add_overrides, positive_count
 
 if TYPE_CHECKING:
     from ..experiments.element_tests import Strength
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of `subsoil soil-test`."""
     parser.add_argument("scene", metavar="SCENE", help="scene with the soil")
     add_overrides(parser)
     parser.add_argument(
@@ -21,18 +20,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the tests and print the results.
-
-    Raises:
-        InputError: the scene cannot be used.
-        RunError: a test failed.
-    """
+    """Run the tests and print the results."""
     from rich.console import Console
 
     from ..experiments.strength_tests import measure_strength
     from ..loading.loader import load_scene
-    from ._shared.output import table
-    from ._shared.progress import KernelAnnouncer, working
+    from .output import table
+    from .progress import KernelAnnouncer, working
 
     resolved = load_scene(args.scene, args.overrides)
     with KernelAnnouncer():

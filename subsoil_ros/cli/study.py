@@ -7,16 +7,14 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from ..extras import require
-from ._shared.arguments import add_overrides
-from ._shared.output import print_line, stdout_console
-from .sweep import add_manner
+from .arguments import add_manner, add_overrides
+from .output import print_line, stdout_console
 
 if TYPE_CHECKING:
-    from ..experiments.study.study_design import StudyDesign
+    from ..experiments.study_design import StudyDesign
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of `subsoil study`."""
     parser.add_argument("scene", help="scene file (.yaml)")
     parser.add_argument(
         "--design",
@@ -33,19 +31,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run what has not been run, write tables and figure, print the table.
-
-    Raises:
-        InputError: scene, design, folder or cluster cannot be used, or a library is missing.
-        RunError: the reference run failed.
-    """
+    """Run what has not been run, write tables and figure, print the table."""
     require("a study", "dask", "distributed", "matplotlib", "pyarrow")
     from ..errors import InputError
-    from ..experiments.study.run_study import run_study
-    from ..experiments.study.study_design import design_of, read_design
-    from ..experiments.sweep.run_jobs import ExecutionOptions
+    from ..experiments.run_jobs import ExecutionOptions
+    from ..experiments.run_study import run_study
+    from ..experiments.study_design import design_of, read_design
     from ..loading.files import shipped_scene
-    from ._shared.progress import SweepProgress
+    from .progress import SweepProgress
 
     design = read_design(args.design or design_of(shipped_scene(Path(args.scene))))
     console = stdout_console(200)
@@ -68,8 +61,8 @@ def run(args: argparse.Namespace) -> int:
 def _list(args: argparse.Namespace, design: "StudyDesign", console: Console) -> None:
     """Every preset with its particles and steps."""
     from ..api.check_scene import start_count
-    from ..experiments.study.run_study import study_jobs
-    from ._shared.output import table
+    from ..experiments.run_study import study_jobs
+    from .output import table
 
     headings = ("preset", "particles", "soil steps", "particle-steps")
     sizes = table(f"{len(design.seeds)} seeds each", headings)

@@ -8,18 +8,17 @@ from rich.table import Table
 
 from ..errors import InputError, RunError
 from ..extras import require
-from ._shared.arguments import add_overrides, positive_count
-from ._shared.output import print_line, stdout_console, table
+from .arguments import add_manner, add_overrides
+from .output import print_line, stdout_console, table
 
 if TYPE_CHECKING:
-    from ..experiments.sweep.ranking import Ranked
-    from ..experiments.sweep.run_sweep import Outcome
+    from ..experiments.run_sweep import Outcome
+    from ..experiments.sweep_ranking import Ranked
 
 SHOWN_ROWS = 12
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of `subsoil sweep`."""
     parser.add_argument("scene", help="scene file (.yaml)")
     parser.add_argument(
         "--vary",
@@ -58,43 +57,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_manner(parser: argparse.ArgumentParser, workers: int | None) -> None:
-    """Declare the arguments of execution, for this verb and `subsoil study`; workers: the default."""
-    parser.add_argument(
-        "--scheduler", metavar="ADDRESS", help="of a Dask cluster, as tcp://host:8786 (default: this machine)"
-    )
-    parser.add_argument(
-        "--workers",
-        type=positive_count,
-        default=workers,
-        metavar="N",
-        help="runs at once on this machine (default: "
-        + ("one for every core, or for every --threads cores)" if workers is None else f"{workers})"),
-    )
-    parser.add_argument(
-        "--threads",
-        type=positive_count,
-        default=1,
-        metavar="N",
-        help="of each run's soil engine (default: 1)",
-    )
-    parser.add_argument(
-        "--retry-failed", action="store_true", help="run again what failed before; the rest is kept"
-    )
-
-
 def run(args: argparse.Namespace) -> int:
-    """Run what has not been run, write the tables, print the ranking.
-
-    Raises:
-        InputError: scene, keys, values, folder or cluster cannot be used, or a library is missing.
-        RunError: every run failed.
-    """
+    """Run what has not been run, write the tables, print the ranking."""
     require("a sweep", "dask", "distributed", "matplotlib", "pyarrow")
-    from ..experiments.sweep.points import parse_variations
-    from ..experiments.sweep.run_jobs import ExecutionOptions
-    from ..experiments.sweep.run_sweep import Sweep, run_sweep
-    from ._shared.progress import SweepProgress
+    from ..experiments.run_jobs import ExecutionOptions
+    from ..experiments.run_sweep import Sweep, run_sweep
+    from ..experiments.sweep_points import parse_variations
+    from .progress import SweepProgress
 
     if not args.vary and not args.pair:
         raise InputError("--vary: is missing; name a key and its values, or use `subsoil run` for one run")

@@ -3,23 +3,18 @@
 import argparse
 from pathlib import Path
 
-from ._shared.arguments import add_overrides
-from ._shared.output import write_out
+from .arguments import add_overrides
+from .output import write_out
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of `subsoil urdf`."""
     parser.add_argument("scene", help="scene file (.yaml)")
     parser.add_argument("--out", type=Path, metavar="FILE", help="file to write; standard output without it")
     add_overrides(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write the URDF.
-
-    Raises:
-        InputError: the scene cannot be used, or the file cannot be written.
-    """
+    """Write the URDF."""
     from ..loading.loader import load_scene
     from ..recording.robot_description import robot_description
 

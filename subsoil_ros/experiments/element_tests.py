@@ -218,6 +218,14 @@ class _Strained:
         self._stress_pa = np.diagonal(self.engine.stress_pa())
         return self._stress_pa
 
+    def largest_pa(self, end_strain: float, sign: float) -> float:
+        """Largest tension (sign 1) or pressure (-1) along z while strained, without stress along x and y."""
+        height, largest = self.engine.bed.periods_m[2], 0.0
+        while sign * (self.engine.bed.periods_m[2] / height - 1.0) < end_strain:
+            stress = self.advance((0.0, 0.0, sign * self.rate_per_s), (0.0, 0.0, None))
+            largest = max(largest, -sign * float(stress[2]))
+        return largest
+
     @property
     def volume_m3(self) -> float:
         """Of the cell."""
@@ -274,11 +282,7 @@ def confined_modulus_pa(cell: Cell, from_pa: float = LEAST_PA[-1], to_pa: float 
 def tensile_strength_pa(cell: Cell, end_strain: float = PEAK_STRAIN) -> float:
     """Largest tension along z while it is drawn out, without stress along x and y [Pa]."""
     element = _Strained(cell, LATERAL_PA)
-    height, largest = element.engine.bed.periods_m[2], 0.0
-    while element.engine.bed.periods_m[2] < (1.0 + end_strain) * height:
-        stress = element.advance((0.0, 0.0, element.rate_per_s), (0.0, 0.0, None))
-        largest = max(largest, -float(stress[2]))
-    return largest
+    return element.largest_pa(end_strain, 1.0)
 
 
 def unconfined_strength_pa(cell: Cell, preload_pa: float, end_strain: float = PEAK_STRAIN) -> float:
@@ -299,8 +303,4 @@ def unconfined_strength_pa(cell: Cell, preload_pa: float, end_strain: float = PE
             f"unconfined compression: {preload_pa:g} Pa released, {stress} Pa are left along x, y and z; "
             "give the law dampers"
         )
-    height, largest = element.engine.bed.periods_m[2], 0.0
-    while element.engine.bed.periods_m[2] > (1.0 - end_strain) * height:
-        stress = element.advance((0.0, 0.0, -element.rate_per_s), (0.0, 0.0, None))
-        largest = max(largest, float(stress[2]))
-    return largest
+    return element.largest_pa(end_strain, -1.0)

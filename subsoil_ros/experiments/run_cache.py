@@ -20,7 +20,7 @@ from ..analysis.summary import Summary
 from ..api.execution import RunResult
 from ..errors import InputError, RunError, SubsoilError
 from ..loading.loader import ResolvedScene
-from ..yaml_document import Document
+from ..yaml_document import Document, read_document
 
 NAME_DIGITS = 32
 """Digits of the hash in the name of a folder."""
@@ -36,6 +36,12 @@ class CachedRun:
     def facts(self) -> Document:
         """Content of run.json, see RunResult."""
         return _read_json(self.folder / "run.json")
+
+    @cached_property
+    def scene(self) -> Document:
+        """Content of scene.yaml."""
+        path = self.folder / "scene.yaml"
+        return read_document(path, str(path))
 
     @cached_property
     def summary(self) -> Document:

@@ -12,12 +12,9 @@ from ..analysis.columns import DRAFT, TIME, Wrench, spring_element
 from ..analysis.failure_cycles import SMOOTHED_S
 from ..analysis.series import Columns, moving_mean
 from ..analysis.spectra import LEAST_ROWS, spectrum
+from ..analysis.summarize import MOVING_S
 from ..analysis.summary import Number, StationarityMetrics, Summary
-from ..yaml_document import read_document
 from .run_cache import CachedRun
-
-MOVING_MEAN_S = 0.010
-"""Peaks and ranges are of the mean over this: single contacts come and go in a millisecond."""
 
 SWING_S = 0.3
 """Length of the segments that a swing is the median of (chosen: two periods of the paper's shank)."""
@@ -73,13 +70,13 @@ def metrics_of(run: CachedRun) -> dict[str, float]:
     if DRAFT in series:
         draft = series[DRAFT]
         found["draft_mean_newton"] = float(np.mean(draft[rows]))
-        found["draft_peak_newton"] = float(np.max(moving_mean(series, DRAFT, MOVING_MEAN_S)[rows]))
+        found["draft_peak_newton"] = float(np.max(moving_mean(series, DRAFT, MOVING_S)[rows]))
         found["draft_deviation_newton"] = deviation(series, DRAFT, rows)
         found["draft_frequency_hz"] = dominant_frequency_hz(times[rows], draft[rows])
         found["frequency_resolution_hz"] = 1.0 / float(np.ptp(times[rows]))
     spring = spring_of(run)
     if spring is not None and (name := spring_element(spring).load) in series:
-        found["spring_range_newton"] = float(np.ptp(moving_mean(series, name, MOVING_MEAN_S)[rows]))
+        found["spring_range_newton"] = float(np.ptp(moving_mean(series, name, MOVING_S)[rows]))
         found["spring_deviation_newton"] = deviation(series, name, rows)
         found["spring_detrended_std_newton"] = swing(times[rows], series[name][rows])
     upward = [series[name][rows] for name in _upward_columns(run) if name in series]
@@ -133,15 +130,13 @@ def deviation(series: Columns, name: str, rows: NDArray[np.bool_]) -> float:
 
 def _upward_columns(run: CachedRun) -> list[str]:
     """Columns of the upward force of the soil on each tillage tool."""
-    path = run.folder / "scene.yaml"
-    tools: dict[str, dict[str, object]] = read_document(path, str(path)).get("tools") or {}
+    tools: dict[str, dict[str, object]] = run.scene.get("tools") or {}
     return [Wrench(key).force_z_newton for key, tool in tools.items() if tool.get("role") != "wheel"]
 
 
 def spring_of(run: CachedRun) -> str | None:
     """The spring that the run's scene reports."""
-    path = run.folder / "scene.yaml"
-    spring = (read_document(path, str(path)).get("report") or {}).get("spring")
+    spring = (run.scene.get("report") or {}).get("spring")
     return None if spring is None else str(spring)
 
 

@@ -15,16 +15,13 @@ from ..analysis.series import Column, moving_mean, read_table_csv
 from ..analysis.stationarity import stationarity
 from ..errors import InputError
 from ..yaml_document import read_document
-from .plotting import CYCLE, new_figure, save_figure
+from .plotting import CYCLE, SMOOTHED_S, new_figure, save_figure
 
 APART = "rms_difference"
 STATISTICS = ("mean", "min", "max")
 SHARED = {"shared_mean": "mean, shared times", "shared_deviation": "deviation, shared times"}
 """Over the times that all have in their spans: mean at the times of the first, standard deviation about the
 trend; and how they are printed."""
-
-SMOOTHED_S = 0.05
-"""Curves are drawn pale as recorded, and as moving means over this time, as in the figures of a report."""
 
 _MEASURED = "#000000"
 

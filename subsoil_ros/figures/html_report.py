@@ -8,12 +8,21 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from plotly.offline import get_plotlyjs
 
+from ..analysis.summarize import versions
 from ..analysis.summary import Number, Summary
-from ..analysis.versions import versions
 from ..errors import RecordingError
 from ..loading.loader import ResolvedScene
-from ..report.result_tables import HEADINGS, WORDS, metrics_table, reference_lines, reference_rows
-from ..report.sentences import design_rows, folded, load_lines, summary_facts
+from ..run_results import (
+    HEADINGS,
+    WORDS,
+    design_rows,
+    folded,
+    load_lines,
+    metrics_table,
+    reference_lines,
+    reference_rows,
+    summary_facts,
+)
 from .interactive_plots import RunData, interactive_plots
 from .replay import replay
 from .snapshots import Snapshots
@@ -62,10 +71,8 @@ def write_html(directory: Path, bag: Path, run: RunData, pictures: Sequence[Path
         "reference": reference,
         "reference_headings": HEADINGS,
         "reference_words": WORDS,
-        "reference_rows": []
-        if reference is None
-        else [r.cells() for r in reference_rows(reference, document)],
-        "reference_lines": [] if reference is None else reference_lines(reference, document),
+        "reference_rows": [row.cells() for row in reference_rows(reference, document)] if reference else [],
+        "reference_lines": reference_lines(reference, document) if reference else [],
         "warnings": _warnings(directory, resolved, summary, facts),
         "plotlyjs": get_plotlyjs(),
         "plots": interactive_plots(run),

@@ -11,15 +11,18 @@ import numpy as np
 import plotly.graph_objects as go
 
 from ..analysis.columns import DRAFT, DRAFT_OF_SHARES, DRAFT_OF_WHEELS, TIME, Body, spring_element
+from ..analysis.disturbance import Disturbance
 from ..analysis.failure_cycles import SMOOTHED_S
+from ..analysis.fatigue import LoadCycles
 from ..analysis.metrics_window import metrics_window, tip_x_m, window_span_s
-from ..analysis.run_statistics import RunStatistics, compared_columns, failures_of
 from ..analysis.series import Series, moving_mean
+from ..analysis.spectra import Spectrum
+from ..analysis.summarize import RunStatistics, compared_columns, failures_of
 from ..analysis.summary import Summary
 from ..loading.loader import ResolvedScene
-from ..report.sentences import significance_words
+from ..run_results import significance_words
 from ..yaml_document import Document
-from .plotting import COLOURS
+from .plotting import COLOURS, CYCLE_BINS
 from .run_figures import reference_levels
 
 LARGEST_SERIES_BYTES = 5e6
@@ -34,7 +37,6 @@ RESULTS, COLUMNS = "Results", "Columns of series.csv over time"
 Figure = Document
 """A figure as plotly's JSON. Written directly: objects of plotly take seconds to check a hundred columns."""
 
-_CYCLE_BINS = 24
 _WINDOW = "#faf5e9"
 
 
@@ -69,13 +71,13 @@ def _results(run: RunData, compared: Sequence[str]) -> Iterator[tuple[str, Figur
     if tip_x_m(run.series, run.resolved.scene) is not None and run.resolved.scene.soil is not None:
         for name in compared:
             yield f"{_words(run, name)} over travel", _over_travel(run, name)
-    for name in found.spectra:
-        yield f"Spectrum of {_words(run, name).lower()}", _spectrum(run, name)
+    for name, waves in found.spectra.items():
+        yield f"Spectrum of {_words(run, name).lower()}", _spectrum(name, waves)
     if found.cycles is not None and len(found.cycles.range_newton):
-        yield "Load cycles of the spring", _load_cycles(run)
+        yield "Load cycles of the spring", _load_cycles(found.cycles)
     if found.disturbance is not None:
-        yield "Loosened section", _loosened(run)
-        yield "Lift of the surface", _lift(run)
+        yield "Loosened section", _loosened(found.disturbance)
+        yield "Lift of the surface", _lift(found.disturbance)
 
 
 def _words(run: RunData, name: str) -> str:
@@ -182,8 +184,7 @@ def _over_travel(run: RunData, name: str) -> Figure:
     return _figure(traces, f"{name} over the travel of the tip", "travel of the tip, x [m]", name)
 
 
-def _spectrum(run: RunData, name: str) -> Figure:
-    found = run.statistics.spectra[name]
+def _spectrum(name: str, found: Spectrum) -> Figure:
     x = found.frequency_hz[1:]
     traces = [
         _line(x, found.high[1:], "95 % (chi-square), high", width=0.5),
@@ -197,10 +198,8 @@ def _spectrum(run: RunData, name: str) -> Figure:
     return figure
 
 
-def _load_cycles(run: RunData) -> Figure:
-    cycles = run.statistics.cycles
-    assert cycles is not None
-    edges = np.linspace(0.0, cycles.max_range_newton, _CYCLE_BINS + 1)
+def _load_cycles(cycles: LoadCycles) -> Figure:
+    edges = np.linspace(0.0, cycles.max_range_newton, CYCLE_BINS + 1)
     counts, _ = np.histogram(cycles.range_newton, edges, weights=cycles.count)
     places = {"x": _array(0.5 * (edges[1:] + edges[:-1])), "y": _array(counts)}
     bars = {"type": "bar", **places, "marker": {"color": COLOURS["main"]}}
@@ -212,9 +211,7 @@ def _load_cycles(run: RunData) -> Figure:
     return figure
 
 
-def _loosened(run: RunData) -> Figure:
-    found = run.statistics.disturbance
-    assert found is not None
+def _loosened(found: Disturbance) -> Figure:
     corner = {"x0": found.origin_m[0] + 0.5 * found.cell_m, "y0": found.origin_m[1] + 0.5 * found.cell_m}
     bar = {"title": "moved part"}
     moved = np.asarray(found.moved_map, np.float32)
@@ -226,9 +223,7 @@ def _loosened(run: RunData) -> Figure:
     return _map(image, title, "across travel, y [m]", "height before [m]")
 
 
-def _lift(run: RunData) -> Figure:
-    found = run.statistics.disturbance
-    assert found is not None
+def _lift(found: Disturbance) -> Figure:
     x, y = found.lift.centres_m()
     lift_mm = np.asarray(1e3 * found.lift.height_m, np.float32)
     bar = {"title": "lift [mm]"}

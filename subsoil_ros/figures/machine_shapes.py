@@ -12,6 +12,8 @@ from ..scene.mechanism import GROUND, Driver, Mechanism, SpringDamper, WheelCont
 from ..scene.tool_mesh import ToolMesh, load_tool_mesh, posed_vertices_m, reference_angle
 from .snapshots import Frame
 
+COLOURS = {"tool": "#9aa0a6", "body": "#3c4043", "spring": "#c55a11", "soil": "#806040"}
+
 RIM_CORNERS = 48
 """Corners of the circle that is drawn for a wheel without a mesh; only its appearance depends on it."""
 
@@ -36,6 +38,7 @@ class Shapes:
         self._meshes: dict[str, ToolMesh] = {
             name: load_tool_mesh(resolved.directory, resolved.scene, name) for name in resolved.scene.tools
         }
+        self._forces = [*resolved.scene.mechanism.forces.values()] if resolved.scene.mechanism else []
         self._points = _body_points(resolved.scene.mechanism) if resolved.scene.mechanism else {}
 
     def surfaces(self, frame: Frame) -> list[Surface]:
@@ -61,7 +64,7 @@ class Shapes:
         bodies = {body.name: body for body in frame.bodies}
         pairs = [
             end
-            for force in (self._scene.mechanism.forces.values() if self._scene.mechanism else ())
+            for force in self._forces
             if isinstance(force, SpringDamper)
             for end in self._ends(bodies, force)
         ]
@@ -72,19 +75,14 @@ class Shapes:
         bodies = {body.name: body for body in frame.bodies}
         turn = np.linspace(0.0, 2.0 * np.pi, RIM_CORNERS + 1)
         found: list[NDArray[np.float64]] = []
-        for force in self._scene.mechanism.forces.values() if self._scene.mechanism else ():
+        for force in self._forces:
             if not isinstance(force, WheelContact) or force.body not in bodies:
                 continue
             body = bodies[force.body]
             angles = turn + body.angle_rad
             y = self._lateral_m(force.body)
-            rim = np.column_stack(
-                [
-                    body.x_m + force.radius_m * np.cos(angles),
-                    np.full_like(angles, y),
-                    body.z_m + force.radius_m * np.sin(angles),
-                ]
-            )
+            x, z = body.x_m + force.radius_m * np.cos(angles), body.z_m + force.radius_m * np.sin(angles)
+            rim = np.column_stack([x, np.full_like(x, y), z])
             found.append(np.stack([rim[:-1], rim[1:]], axis=1).reshape(-1, 3))
             found.append(np.array([[body.x_m, y, body.z_m], rim[0]]))
         return np.concatenate(found) if found else np.empty((0, 3))

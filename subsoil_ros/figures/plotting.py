@@ -9,6 +9,13 @@ COLOURS = {"main": "#1f4e79", "share": "#c55a11", "wheels": "#548235", "referenc
 CYCLE = ("#1f4e79", "#c55a11", "#548235", "#7030a0", "#bf9000", "#a31515", "#008080", "#7f7f7f", "#4d4d4d")
 """Colours of the curves of one kind, in order."""
 
+SMOOTHED_S = 0.05
+"""Curves are drawn pale as recorded, and as moving means over this: over the noise of single contacts and
+well below a cycle."""
+
+CYCLE_BINS = 24
+"""Bars of the load cycles of a spring."""
+
 _DPI = 130
 
 

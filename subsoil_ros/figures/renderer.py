@@ -1,5 +1,8 @@
-"""Pictures and films of soil and machine, off screen (VTK through pyvista; needs no display)."""
+"""Pictures and films of soil and machine, off screen (through pyvista, without a display); VTK files."""
 
+import json
+import shutil
+import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,7 +17,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..loading.loader import ResolvedScene
 from ..recording.soil_clouds import soil_span_m
-from .machine_shapes import Segments, Shapes, Surface
+from .machine_shapes import COLOURS, Segments, Shapes, Surface
 from .snapshots import Frame, Snapshots
 from .soil_cut import SPEED_SCALE_M_PER_S
 
@@ -24,7 +27,6 @@ DISPLACEMENT_SCALE_DIAMETERS = 5.0
 _HEADROOM_M = 0.45  # height shown above the bed, with shank and wheels
 _TUBE_M = 0.012  # radius of the lines of the machine, for appearance only
 _FAR_M = 20.0  # distance of a camera without perspective from its focal point
-_COLOURS = {"tool": "#9aa0a6", "body": "#3c4043", "spring": "#c55a11", "bin": "#806040"}
 _MARGIN = 1.06
 _RADIUS = "radius_m"
 _SMALLEST_FONT = 6  # points, still readable
@@ -75,12 +77,12 @@ class Renderer:
         for surface in surfaces:
             behind = hidden(surface)
             mesh = pyvista.PolyData.from_regular_faces(surface.vertices_m, surface.facets)
-            plotter.add_mesh(mesh, color=_COLOURS["tool"], opacity=0.25 if behind else 1.0, specular=0.3)
+            plotter.add_mesh(mesh, color=COLOURS["tool"], opacity=0.25 if behind else 1.0, specular=0.3)
         _add_lines(plotter, self._shapes.skeleton(frame), "body", _TUBE_M)
         _add_lines(plotter, self._shapes.wheels(frame), "body", 0.5 * _TUBE_M)
         _add_lines(plotter, self._shapes.springs(frame), "spring", 1.5 * _TUBE_M)
         bounds = self._bounds(frame)
-        plotter.add_mesh(pyvista.Box(bounds).outline(), color=_COLOURS["bin"], line_width=2)
+        plotter.add_mesh(pyvista.Box(bounds).outline(), color=COLOURS["soil"], line_width=2)
         plotter.add_text(
             f"{self._resolved.scene.name}   t = {frame.time_s:.3f} s", position="upper_left",
             font_size=self._font_size(10), color="black",
@@ -185,7 +187,7 @@ class Renderer:
 def _add_lines(plotter: pyvista.Plotter, ends_m: Segments, kind: str, radius_m: float) -> None:
     if len(ends_m):
         tubes = pyvista.line_segments_from_points(ends_m).tube(radius=radius_m)
-        plotter.add_mesh(tubes, color=_COLOURS[kind])
+        plotter.add_mesh(tubes, color=COLOURS[kind])
 
 
 def save_pictures(
@@ -258,3 +260,66 @@ def _film_writer(path: Path, rate_hz: float) -> Iterator[Callable[[NDArray[np.ui
     except BaseException:
         path.unlink(missing_ok=True)
         raise
+
+
+def write_vtk_series(
+    resolved: ResolvedScene, frames: Snapshots, folder: Path, done: Callable[[], None]
+) -> list[Path]:
+    """Write the moments for ParaView into a new `folder`, which appears once it is complete.
+
+    NAME_0000.vtp etc. are the moments of a part; NAME.vtp.series has their times.
+
+    soil: points with speed_m_per_s, displacement_m, broken_part and radius_m; tools: their surfaces, with the
+    index of the tool in the scene; machine: lines to joints and springs. Returns the .vtp.series files.
+
+    Raises:
+        OSError: the folder cannot be written.
+    """
+    shapes = Shapes(resolved)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    part = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}."))
+    times: dict[str, list[float]] = {}
+    try:
+        for frame in frames.read(frames.times_ns):
+            for name, mesh in _meshes(resolved, shapes, frame).items():
+                index = len(times.setdefault(name, []))
+                mesh.save(part / f"{name}_{index:04d}.vtp")
+                times[name].append(frame.time_s)
+            done()
+        for name, moments in times.items():
+            files = [{"name": f"{name}_{k:04d}.vtp", "time": time_s} for k, time_s in enumerate(moments)]
+            text = json.dumps({"file-series-version": "1.0", "files": files}, indent=1)
+            (part / f"{name}.vtp.series").write_text(text + "\n", encoding="utf-8")
+        part.chmod(0o755)
+        part.rename(folder)
+    except BaseException:
+        shutil.rmtree(part, ignore_errors=True)
+        raise
+    return [folder / f"{name}.vtp.series" for name in times]
+
+
+def _meshes(resolved: ResolvedScene, shapes: Shapes, frame: Frame) -> dict[str, pyvista.PolyData]:
+    found: dict[str, pyvista.PolyData] = {}
+    soil = resolved.scene.particle_soil
+    if soil is not None and len(frame.positions_m):
+        cloud = pyvista.PolyData(frame.positions_m)
+        cloud.point_data["speed_m_per_s"] = frame.speeds_m_per_s
+        cloud.point_data["displacement_m"] = frame.displacements_m
+        cloud.point_data["broken_part"] = frame.broken_parts
+        cloud.point_data["radius_m"] = frame.radii_m
+        found["soil"] = cloud
+    surfaces = shapes.surfaces(frame)
+    if surfaces:
+        starts = np.cumsum([0, *(len(surface.vertices_m) for surface in surfaces)])[:-1]
+        tools = pyvista.PolyData.from_regular_faces(
+            np.concatenate([surface.vertices_m for surface in surfaces]),
+            np.concatenate([s.facets + start for s, start in zip(surfaces, starts, strict=True)]),
+        )
+        names = list(resolved.scene.tools)
+        counts = [len(surface.facets) for surface in surfaces]
+        tools.cell_data["tool"] = np.repeat([names.index(surface.tool) for surface in surfaces], counts)
+        found["tools"] = tools
+    lines = np.concatenate([shapes.skeleton(frame), shapes.wheels(frame), shapes.springs(frame)])
+    if len(lines):
+        found["machine"] = pyvista.line_segments_from_points(lines)
+    return found

@@ -14,7 +14,7 @@ from ..loading.loader import ResolvedScene
 from ..recording.soil_clouds import soil_span_m
 from ..yaml_document import Document
 from .interactive_plots import NUMBER_BYTES
-from .machine_shapes import Segments, Shapes
+from .machine_shapes import COLOURS, Segments, Shapes
 from .snapshots import Frame, Snapshots
 from .soil_cut import SPEED_SCALE_M_PER_S
 
@@ -32,7 +32,6 @@ _LARGEST_UNITS = np.array([2.6, 2.0, 1.25])
 """Sides of a scene, x, y and z, that fit in the page at the first zoom."""
 
 _CAMERA = {"eye": {"x": 0.5, "y": -1.6, "z": 0.7}, "projection": {"type": "orthographic"}}
-_COLOURS = {"tool": "#9aa0a6", "body": "#3c4043", "spring": "#c55a11", "soil": "#806040"}
 _WIDTHS = {"body": 8, "spring": 10, "soil": 3}
 _SCATTER = 2654435761  # 2^32 over the golden ratio: multiples of it spread evenly below 2^32 (Knuth)
 
@@ -97,7 +96,7 @@ def _traces(frame: Frame, resolved: ResolvedScene, shapes: Shapes, part: float) 
     for surface in shapes.surfaces(frame):
         i, j, k = surface.facets.T
         places = _places(surface.vertices_m, zero)
-        style = {"color": _COLOURS["tool"], "flatshading": True, "hoverinfo": "name"}
+        style = {"color": COLOURS["tool"], "flatshading": True, "hoverinfo": "name"}
         traces.append(go.Mesh3d(**places, i=i, j=j, k=k, name=escape(surface.tool), **style))
     if scene.mechanism is not None:
         traces.append(_lines(np.concatenate([shapes.skeleton(frame), shapes.wheels(frame)]), zero, "body"))
@@ -137,7 +136,7 @@ def _lines(ends_m: Segments, zero_m: float, kind: str) -> go.Scatter3d:
     """Segments as one curve, with a gap of NaN between two of them."""
     gaps = np.full((len(ends_m) // 2, 1, 3), np.nan)
     points = np.concatenate([ends_m.reshape(-1, 2, 3), gaps], axis=1).reshape(-1, 3)
-    line = {"color": _COLOURS[kind], "width": _WIDTHS[kind]}
+    line = {"color": COLOURS[kind], "width": _WIDTHS[kind]}
     return go.Scatter3d(**_places(points, zero_m), mode="lines", line=line, hoverinfo="skip", name=kind)
 
 

@@ -1,12 +1,14 @@
 """Figures of a run as PNG: over time, spectra, load cycles, disturbance."""
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from ..analysis import failure_cycles
 from ..analysis.columns import (
     DRAFT,
     DRAFT_OF_SHARES,
@@ -17,20 +19,17 @@ from ..analysis.columns import (
     spring_element,
 )
 from ..analysis.disturbance import Disturbance
-from ..analysis.failure_cycles import SMOOTHED_S
 from ..analysis.fatigue import LoadCycles
 from ..analysis.metrics_window import Window, metrics_window, tip_x_m, window_span_s
-from ..analysis.run_statistics import MOVING, RunStatistics, failures_of
 from ..analysis.series import Series, moving_mean, read_series
 from ..analysis.spectra import Spectrum
+from ..analysis.summarize import MOVING, RunStatistics, failures_of
 from ..loading.loader import ResolvedScene
 from ..loading.reference import Reference
-from ..report.sentences import significance_words
+from ..run_results import significance_words
 from ..scene.scene import Scene
-from .plotting import COLOURS, new_figure, save_figure
+from .plotting import COLOURS, CYCLE_BINS, SMOOTHED_S, new_figure, save_figure
 from .soil_cut import draw_soil_cut
-
-_SMOOTHED_S = 0.05  # over the noise of single contacts and well below a cycle
 
 
 def draw_figures(
@@ -48,18 +47,11 @@ def draw_figures(
     window = metrics_window(series, scene)
     span_s = window_span_s(series, window)
     directory.mkdir(parents=True, exist_ok=True)
-    painters: dict[str, Callable[[Axes, Series, ResolvedScene], bool]] = {
-        "draft.png": _paint_draft,
-        "spring_force.png": _paint_spring_force,
-        "share_angle.png": _paint_share_angle,
-        "shank_height.png": _paint_shank_height,
-    }
     paths = []
-    for name, paint in painters.items():
+    for curve in _curves(series, resolved):
         figure = new_figure(9.0, 4.2)
         axes = figure.add_subplot()
-        if not paint(axes, series, resolved):
-            continue
+        _paint(axes, series, resolved, curve)
         if not window.whole_run and scene.soil is not None:
             axes.axvspan(*span_s, color="#f2e6c9", zorder=0, label="metrics window (tip well inside the bin)")
         axes.set_xlabel("simulated time [s]")
@@ -67,7 +59,7 @@ def draw_figures(
         axes.grid(alpha=0.3)
         # below the curves, so that it covers none
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=3, frameon=False, fontsize=9)
-        paths.append(save_figure(figure, directory / name))
+        paths.append(save_figure(figure, directory / f"{curve.name}.png"))
     over_travel = _draw_over_travel(series, scene, window, directory / "over_travel.png")
     paths += [] if over_travel is None else [over_travel]
     cut = draw_soil_cut(bag, resolved, directory / "soil_cut.png", span_s)
@@ -79,7 +71,7 @@ def _draw_over_travel(series: Series, scene: Scene, window: Window, path: Path) 
     soil."""
     tip = tip_x_m(series, scene)
     report = scene.report
-    columns = {DRAFT: f"draft [N], mean over {1e3 * SMOOTHED_S:.0f} ms"}
+    columns = {DRAFT: f"draft [N], mean over {1e3 * failure_cycles.SMOOTHED_S:.0f} ms"}
     columns[spring_element(report.spring).load] = "spring force [N], compression +"
     columns[Body(report.shank).angle_rad] = "share angle [rad]"
     columns = {name: label for name, label in columns.items() if name in series}
@@ -90,7 +82,7 @@ def _draw_over_travel(series: Series, scene: Scene, window: Window, path: Path) 
     failures = failures_of(series, scene, window)
     for axes, (name, label) in zip(panels, columns.items(), strict=True):
         smoothed = name == DRAFT
-        values = moving_mean(series, name, SMOOTHED_S) if smoothed else series[name]
+        values = moving_mean(series, name, failure_cycles.SMOOTHED_S) if smoothed else series[name]
         axes.plot(tip, values, color=COLOURS["main"], lw=1.2)
         axes.set_ylabel(label, fontsize=9)
         axes.grid(alpha=0.3)
@@ -104,97 +96,69 @@ def _draw_over_travel(series: Series, scene: Scene, window: Window, path: Path) 
     return save_figure(figure, path)
 
 
-def _smooth(series: Series, name: str) -> NDArray[np.float64]:
-    return moving_mean(series, name, _SMOOTHED_S)
+class _Curve(NamedTuple):
+    """A column over time, drawn as scale * (column - zero)."""
+
+    name: str  # of the figure
+    column: str
+    title: str
+    unit: str
+    label: str
+    scale: float = 1.0
+    zero: float = 0.0
 
 
-def _title(axes: Axes, scene: Scene, text: str) -> None:
-    axes.set_title(f"{text}\n{scene.name}", fontsize=11)
-
-
-def _paint_draft(axes: Axes, series: Series, resolved: ResolvedScene) -> bool:
-    scene = resolved.scene
-    if DRAFT not in series:
-        return False
-    times = series[TIME]
-    axes.plot(times, series[DRAFT], color=COLOURS["main"], lw=0.7, alpha=0.5, label="draft as recorded")
-    smoothed = f"mean over {_SMOOTHED_S:g} s"
-    axes.plot(times, _smooth(series, DRAFT), color=COLOURS["main"], lw=1.8, label=f"draft, {smoothed}")
-    if scene.mechanism is not None:  # without a mechanism the draft is that of the tools alone
-        for name, part, label in (
-            (DRAFT_OF_SHARES, "share", "soil on share and shank"),
-            (DRAFT_OF_WHEELS, "wheels", "soil on wheels"),
-        ):
-            if name in series:
-                axes.plot(
-                    times, _smooth(series, name), color=COLOURS[part], lw=1.2, label=f"{label}, {smoothed}"
-                )
-    for tool in scene.tools:  # of several shanks each has its own
-        if (name := draft_of_tool(tool)) in series:
-            axes.plot(times, _smooth(series, name), lw=0.8, ls=":", label=f"of it {tool}, {smoothed}")
-    _draw_reference(axes, resolved, DRAFT, series[DRAFT])
-    axes.set_ylabel("pull along travel [N]")
-    _title(axes, scene, "Draft: forward pull that moves the tool, positive while soil resists")
-    return True
-
-
-def _paint_spring_force(axes: Axes, series: Series, resolved: ResolvedScene) -> bool:
-    scene = resolved.scene
-    name = spring_element(scene.report.spring).load
-    if name not in series:
-        return False
-    axes.plot(
-        series[TIME], series[name], color=COLOURS["main"], lw=1.2, label=f"spring {scene.report.spring}"
-    )
-    axes.axhline(0.0, color="black", lw=0.6)
-    _draw_reference(axes, resolved, name, series[name])
-    axes.set_ylabel("force [N], compression positive")
-    _title(axes, scene, "Force of the spring between frame and shank")
-    return True
-
-
-def _paint_share_angle(axes: Axes, series: Series, resolved: ResolvedScene) -> bool:
-    scene = resolved.scene
-    shank = scene.report.shank
+def _curves(series: Series, resolved: ResolvedScene) -> Iterator[_Curve]:
+    """The curves that the run has."""
+    scene, shank = resolved.scene, resolved.scene.report.shank
+    if DRAFT in series:
+        title = "Draft: forward pull that moves the tool, positive while soil resists"
+        yield _Curve("draft", DRAFT, title, "pull along travel [N]", "draft")
+    if (spring := spring_element(scene.report.spring).load) in series:
+        title, label = "Force of the spring between frame and shank", f"spring {scene.report.spring}"
+        yield _Curve("spring_force", spring, title, "force [N], compression positive", label)
     if shank is None or scene.mechanism is None:
-        return False
-    name, zero = Body(shank).angle_rad, scene.mechanism.bodies[shank].angle_rad
-    turn = series[name] - zero
-    axes.plot(series[TIME], turn, color=COLOURS["main"], lw=1.2, label="share, from its working pose")
-    _draw_reference(axes, resolved, name, turn, zero=zero)
-    axes.set_ylabel("entry angle [rad], negative: tip back")
-    _title(axes, scene, "Entry angle of the share")
-    return True
-
-
-def _paint_shank_height(axes: Axes, series: Series, resolved: ResolvedScene) -> bool:
-    scene = resolved.scene
-    shank = scene.report.shank
-    if shank is None or scene.mechanism is None:
-        return False
-    height_mm = 1e3 * series[Body(shank).z_m]
-    travel = f"{height_mm.max() - height_mm.min():.1f} mm from lowest to highest"
-    axes.plot(series[TIME], height_mm, color=COLOURS["main"], lw=1.2, label=f"centre of mass: {travel}")
-    _draw_reference(axes, resolved, Body(shank).z_m, height_mm, scale=1e3)
-    axes.set_ylabel("height over the bed's surface [mm]")
-    _title(axes, scene, "Height of the shank's centre of mass")
-    return True
-
-
-def _draw_reference(
-    axes: Axes,
-    resolved: ResolvedScene,
-    column: str,
-    shown: NDArray[np.float64],
-    scale: float = 1.0,
-    zero: float = 0.0,
-) -> None:
-    """Draw the reference's levels of a column. shown: the curve (n,), scale * (column - zero)."""
-    if resolved.reference is None:
         return
-    for place, level in enumerate(reference_levels(resolved.reference, column, shown, scale, zero)):
-        label = resolved.reference.name if place == 0 else None
-        axes.axhline(level, color=COLOURS["reference"], lw=1.0, ls="--", label=label)
+    body, zero = Body(shank), scene.mechanism.bodies[shank].angle_rad
+    label, unit = "share, from its working pose", "entry angle [rad], negative: tip back"
+    yield _Curve("share_angle", body.angle_rad, "Entry angle of the share", unit, label, zero=zero)
+    title, unit = "Height of the shank's centre of mass", "height over the bed's surface [mm]"
+    label = f"centre of mass: {1e3 * np.ptp(series[body.z_m]):.1f} mm from lowest to highest"
+    yield _Curve("shank_height", body.z_m, title, unit, label, scale=1e3)
+
+
+def _paint(axes: Axes, series: Series, resolved: ResolvedScene, curve: _Curve) -> None:
+    shown = curve.scale * (series[curve.column] - curve.zero)
+    if curve.column == DRAFT:
+        _paint_draft(axes, series, resolved.scene)
+    else:
+        axes.plot(series[TIME], shown, color=COLOURS["main"], lw=1.2, label=curve.label)
+    if curve.name == "spring_force":
+        axes.axhline(0.0, color="black", lw=0.6)
+    if (reference := resolved.reference) is not None:
+        levels = reference_levels(reference, curve.column, shown, curve.scale, curve.zero)
+        for level, label in zip(levels, (reference.name, *[None] * len(levels)), strict=False):
+            axes.axhline(level, color=COLOURS["reference"], lw=1.0, ls="--", label=label)
+    axes.set_ylabel(curve.unit)
+    axes.set_title(f"{curve.title}\n{resolved.scene.name}", fontsize=11)
+
+
+def _paint_draft(axes: Axes, series: Series, scene: Scene) -> None:
+    """The draft as recorded and smoothed, with its parts."""
+    times, smoothed = series[TIME], f"mean over {SMOOTHED_S:g} s"
+    axes.plot(times, series[DRAFT], color=COLOURS["main"], lw=0.7, alpha=0.5, label="draft as recorded")
+
+    def draw(name: str, label: str, **style: Any) -> None:
+        if name in series:
+            smooth = moving_mean(series, name, SMOOTHED_S)
+            axes.plot(times, smooth, label=f"{label}, {smoothed}", **style)
+
+    draw(DRAFT, "draft", color=COLOURS["main"], lw=1.8)
+    if scene.mechanism is not None:  # without a mechanism the draft is that of the tools alone
+        draw(DRAFT_OF_SHARES, "soil on share and shank", color=COLOURS["share"], lw=1.2)
+        draw(DRAFT_OF_WHEELS, "soil on wheels", color=COLOURS["wheels"], lw=1.2)
+    for tool in scene.tools:  # of several shanks each has its own
+        draw(draft_of_tool(tool), f"of it {tool}", lw=0.8, ls=":")
 
 
 def reference_levels(
@@ -215,9 +179,6 @@ def reference_levels(
         elif measure in ("mean", "min", "max"):
             levels.append(scale * (given.value - zero))
     return levels
-
-
-_CYCLE_BINS = 24
 
 
 def draw_load_figures(statistics: RunStatistics, title: str, directory: Path) -> list[Path]:
@@ -271,7 +232,7 @@ def _draw_spectra(spectra: dict[str, Spectrum], title: str, path: Path) -> Path:
 def _draw_cycles(cycles: LoadCycles, title: str, path: Path) -> Path:
     figure = new_figure(9.0, 4.2)
     axes = figure.add_subplot()
-    edges = np.linspace(0.0, cycles.max_range_newton, _CYCLE_BINS + 1)
+    edges = np.linspace(0.0, cycles.max_range_newton, CYCLE_BINS + 1)
     axes.hist(cycles.range_newton, bins=edges.tolist(), weights=cycles.count, color=COLOURS["main"])
     equivalent = cycles.equivalent_range_newton()
     axes.axvline(equivalent, color=COLOURS["share"], label=f"same damage as {equivalent:.0f} N once a second")

@@ -27,8 +27,8 @@ class Frame:
     speeds_m_per_s: NDArray[np.float32]  # (n,)
     displacements_m: NDArray[np.float32]  # (n,) from the first cloud; nan where that is not known
     broken_parts: NDArray[np.float32]  # (n,) of the bonds of each; nan where there are none
-    radii_m: NDArray[np.float32]  # (n,)
-    identities: NDArray[np.uint64]  # (n,) the same for a particle at all times
+    radii_m: NDArray[np.float32]  # (n,) the mean radius of all particles where the cloud has none
+    identities: NDArray[np.uint64]  # (n,) the same at all times; places in the list in a fixed set
     tools: tuple[ToolMotion, ...]
     bodies: tuple[BodyState, ...]  # of the machine, at the last recorded state up to then
 
@@ -60,26 +60,24 @@ class Snapshots:
         """Yield the moments at `times_ns`, in order of time."""
         wanted = sorted(set(times_ns))
         tools, states, state_at = self._machine(wanted)
+        soil = self._resolved.scene.particle_soil
+        radius = 0.0 if soil is None else soil.particles.mean_volume_radius_m
         for time_ns, cloud, displacements in self._clouds(wanted):
+            count = len(np.asarray(cloud.positions_m))
+            radii = np.full(count, radius) if cloud.radii_m is None else cloud.radii_m
+            identities = range(count) if cloud.identities is None else cloud.identities
+            broken = np.full(count, np.nan) if cloud.broken_parts is None else cloud.broken_parts
             yield Frame(
                 time_s=time_ns * 1e-9,
                 positions_m=np.asarray(cloud.positions_m, dtype=np.float32).reshape(-1, 3),
                 speeds_m_per_s=np.asarray(cloud.speeds_m_per_s, dtype=np.float32),
                 displacements_m=displacements,
-                broken_parts=_broken_parts(cloud),
-                radii_m=self._radii_m(cloud),
-                identities=_identities(cloud),
+                broken_parts=np.asarray(broken, dtype=np.float32),
+                radii_m=np.asarray(radii, dtype=np.float32),
+                identities=np.asarray(identities, dtype=np.uint64),
                 tools=tools[time_ns].tools if time_ns in tools else (),
                 bodies=states[state_at[time_ns]].bodies if time_ns in state_at else (),
             )
-
-    def _radii_m(self, cloud: SoilCloud) -> NDArray[np.float32]:
-        """Radii of the cloud; the mean radius of all particles where it has none."""
-        if cloud.radii_m is not None:
-            return np.asarray(cloud.radii_m, dtype=np.float32)
-        soil = self._resolved.scene.particle_soil
-        mean = 0.0 if soil is None else soil.particles.mean_volume_radius_m
-        return np.full(len(np.asarray(cloud.positions_m)), mean, dtype=np.float32)
 
     def _machine(
         self, wanted: Sequence[int]
@@ -125,18 +123,6 @@ class Snapshots:
             else:
                 moved = np.full(len(positions), np.nan, dtype=np.float32)
             yield cloud.end_time_ns, cloud, moved
-
-
-def _broken_parts(cloud: SoilCloud) -> NDArray[np.float32]:
-    if cloud.broken_parts is None:
-        return np.full(len(np.asarray(cloud.positions_m)), np.nan, dtype=np.float32)
-    return np.asarray(cloud.broken_parts, dtype=np.float32)
-
-
-def _identities(cloud: SoilCloud) -> NDArray[np.uint64]:
-    """Identities of the cloud; in a fixed set of particles, their places in the list."""
-    count = len(np.asarray(cloud.positions_m))
-    return np.asarray(range(count) if cloud.identities is None else cloud.identities, np.uint64)
 
 
 def _times_ns(reader: BagReader | JoinedBags, kind: type) -> list[int]:

@@ -103,45 +103,43 @@ def _particle_limits(soil: Soil, other: Soil, z: float, named: str) -> dict[str,
     arm = radius - 0.5 * pair.rest_overlap
     inertia = 0.4 * mass * radius**2
     name = f"coordination {z:g}, particle {mass * 1e3:.3g} g{named}"
-    limits: dict[str, StepLimit] = {}
+    stiffness, tangential = pair.max_stiffness, pair.tangential_stiffness
+    damping, sliding = max(pair.damping, pair.tangential_damping), pair.tangential_damping
+    return _limits(
+        {
+            "spin, dampers": (
+                f"damping {sliding:g} N s/m acting on rotation, {name}",
+                4.0 / 3.0 * z * sliding * arm**2 / inertia,
+            ),
+            "translation, dampers": (
+                f"damping {damping:g} N s/m acting on translation, {name}",
+                2.0 * z * damping / mass,
+            ),
+        },
+        {
+            "translation, springs": (
+                f"stiffness {stiffness:g} and {tangential:g} N/m of the bed, {name}",
+                2.0 * z * (stiffness + 2.0 * tangential) / (3.0 * mass),
+            ),
+            "spin, springs": (
+                f"tangential stiffness {tangential:g} N/m acting on rotation, {name}",
+                4.0 / 3.0 * z * tangential * arm**2 / inertia,
+            ),
+            "pair": (f"stiffness {stiffness:g} N/m of a single pair", 2.0 * stiffness / mass),
+        },
+    )
 
-    def add(kind: str, cause: str, rate: float, *, spring: bool) -> None:
-        if rate > 0.0:
-            limits[kind] = StepLimit(cause, 2.0 / (math.sqrt(rate) if spring else rate), damped=not spring)
 
-    stiffness = pair.max_stiffness
-    add(
-        "spin, dampers",
-        f"damping {pair.tangential_damping:g} N s/m acting on rotation, {name}",
-        4.0 / 3.0 * z * pair.tangential_damping * arm**2 / inertia,
-        spring=False,
-    )
-    damping = max(pair.damping, pair.tangential_damping)
-    add(
-        "translation, dampers",
-        f"damping {damping:g} N s/m acting on translation, {name}",
-        2.0 * z * damping / mass,
-        spring=False,
-    )
-    add(
-        "translation, springs",
-        f"stiffness {stiffness:g} and {pair.tangential_stiffness:g} N/m of the bed, {name}",
-        2.0 * z * (stiffness + 2.0 * pair.tangential_stiffness) / (3.0 * mass),
-        spring=True,
-    )
-    add(
-        "spin, springs",
-        f"tangential stiffness {pair.tangential_stiffness:g} N/m acting on rotation, {name}",
-        4.0 / 3.0 * z * pair.tangential_stiffness * arm**2 / inertia,
-        spring=True,
-    )
-    add(
-        "pair",
-        f"stiffness {stiffness:g} N/m of a single pair",
-        2.0 * stiffness / mass,
-        spring=True,
-    )
-    return limits
+def _limits(
+    rates: dict[str, tuple[str, float]], squares: dict[str, tuple[str, float]]
+) -> dict[str, StepLimit]:
+    """Limits by kind of motion, from cause and rate [1/s] of dampers, squared frequency [1/s2] of springs."""
+    damped = {kind: StepLimit(cause, 2.0 / rate, True) for kind, (cause, rate) in rates.items() if rate > 0.0}
+    return damped | {
+        kind: StepLimit(cause, 2.0 / math.sqrt(square))
+        for kind, (cause, square) in squares.items()
+        if square > 0.0
+    }
 
 
 def _bond_limits(soil: Soil, z: float) -> dict[str, StepLimit]:
@@ -176,11 +174,10 @@ def _bond_limits(soil: Soil, z: float) -> dict[str, StepLimit]:
         "pair": 2.0 * normal / mass,
     }
     cause = f"bonds of {normal:.3g} and {shear:.3g} N/m"
-    found = {kind: StepLimit(f"{cause}, {kind}", 2.0 / math.sqrt(square)) for kind, square in squares.items()}
-    for kind, rate in rates.items():
-        if rate > 0.0:
-            found[kind] = StepLimit(f"{cause}, {kind}", 2.0 / rate, damped=True)
-    return found
+    named = [
+        {kind: (f"{cause}, {kind}", value) for kind, value in found.items()} for found in (rates, squares)
+    ]
+    return _limits(*named)
 
 
 def _beside(limit: StepLimit, others: Iterable[StepLimit]) -> StepLimit:
@@ -206,15 +203,10 @@ def _boundary_limits(soil: Soil, named: str) -> dict[str, StepLimit]:
     spring = max(normal + 2.0 * tangential, turning * tangential) / mass
     damper = max(damping + 2.0 * sliding_damping, turning * sliding_damping) / mass
     name = f"at walls and tools, particle {mass * 1e3:.3g} g{named}"
-    limits = {
-        "boundary, springs": StepLimit(
-            f"stiffness {normal:g} and {tangential:g} N/m {name}", 2.0 / math.sqrt(spring)
-        )
-    }
-    if damper > 0.0:
-        cause = f"damping {damping:g} and {sliding_damping:g} N s/m {name}"
-        limits["boundary, dampers"] = StepLimit(cause, 2.0 / damper, damped=True)
-    return limits
+    return _limits(
+        {"boundary, dampers": (f"damping {damping:g} and {sliding_damping:g} N s/m {name}", damper)},
+        {"boundary, springs": (f"stiffness {normal:g} and {tangential:g} N/m {name}", spring)},
+    )
 
 
 def _wave_limit(soil: Soil) -> StepLimit | None:

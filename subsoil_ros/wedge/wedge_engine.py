@@ -25,8 +25,18 @@ from .failure_wedge import (
     failure,
     parted,
 )
-from .wedge_forces import AccumulatedInSpace, AccumulatedLoad, across_part, on_plate, slip_m, strength_of
-from .wheel import SLOWEST_M_PER_S, grip_newton, rolling_resistance_newton, wheel_load_newton
+from .wedge_forces import (
+    SLOWEST_M_PER_S,
+    AccumulatedInSpace,
+    AccumulatedLoad,
+    across_part,
+    grip_newton,
+    on_plate,
+    rolling_resistance_newton,
+    slip_m,
+    strength_of,
+    wheel_load_newton,
+)
 
 ROUND_OFF_RAD = 1e-9
 """Angle by which a plate must lean forward not to count as upright: above the round-off of a pose."""

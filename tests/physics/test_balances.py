@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import subsoil_ros as subsoil
-from subsoil_ros.analysis.carried import vertical_parts
+from subsoil_ros.analysis.loads import vertical_parts
 from subsoil_ros.analysis.series import Series, read_series
 from subsoil_ros.api.read import Run
 from subsoil_ros.mbd.mechanism_engine import MechanismEngine

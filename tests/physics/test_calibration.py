@@ -10,10 +10,10 @@ from numpy.testing import assert_allclose
 
 from subsoil_ros.api.execution import execute
 from subsoil_ros.cli.main import main
-from subsoil_ros.experiments.calibration.pulls import Measured, numbers, pull
-from subsoil_ros.experiments.calibration.wedge_design import base_scene, point_overrides, read_design, tip_of
-from subsoil_ros.experiments.calibration.wedge_fit import steady
+from subsoil_ros.experiments.pulls import Measured, numbers, pull
 from subsoil_ros.experiments.run_cache import keep_run
+from subsoil_ros.experiments.wedge_design import base_scene, point_overrides, read_design, tip_of
+from subsoil_ros.experiments.wedge_fit import steady
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.loading.soil_file import read_soil_file
 from subsoil_ros.wedge.wedge_engine import WedgeEngine

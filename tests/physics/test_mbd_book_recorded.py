@@ -10,7 +10,7 @@ from scipy.integrate import cumulative_trapezoid
 
 import subsoil_ros as subsoil
 from subsoil_ros.analysis.summary import Summary
-from subsoil_ros.report.sentences import summary_facts
+from subsoil_ros.run_results import summary_facts
 
 DAMPING, LOAD, TURNING = 3.0, 40.0, 2.0
 

@@ -12,7 +12,7 @@ from subsoil_ros.api.run_frame import simulate
 from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.figures.run_figures import draw_figures
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
-from subsoil_ros.report.result_tables import print_summary
+from subsoil_ros.run_results import print_summary
 
 SCENES = Path(__file__).parents[2] / "config" / "scenes"
 SHANKS = ("shank", "shank_left", "shank_right")

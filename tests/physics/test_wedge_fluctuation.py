@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from subsoil_ros.api.run_frame import simulate
 from subsoil_ros.coupling.run_settings import RunSettings
-from subsoil_ros.experiments.calibration.fluctuation import (
+from subsoil_ros.experiments.fluctuation import (
     SAMPLE_M,
     Fluctuation,
     Wedges,

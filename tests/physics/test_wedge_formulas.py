@@ -16,7 +16,7 @@ from subsoil_ros.wedge.failure_wedge import (
     wedge_force,
     wedge_terms,
 )
-from subsoil_ros.wedge.wheel import grip_newton, rolling_resistance_newton, wheel_load_newton
+from subsoil_ros.wedge.wedge_forces import grip_newton, rolling_resistance_newton, wheel_load_newton
 from validation import blades
 
 WIDE = 1e4

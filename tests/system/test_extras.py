@@ -37,7 +37,7 @@ def test_direct_mode_and_bags_need_no_extra(tmp_path):
     assert (out / "summary.json").is_file()
     (bag,) = (out / "bag").glob("*.mcap")
     plain(verb, "bag", "info", bag)
-    modules = ("experiments.calibration.wedge_fit", "experiments.strength_tests", "experiments.sweep.cluster")
+    modules = ("experiments.wedge_fit", "experiments.strength_tests", "experiments.run_jobs")
     plain(f"import {', '.join(f'subsoil_ros.{module}' for module in modules)}")
 
 

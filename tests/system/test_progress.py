@@ -11,8 +11,8 @@ import pytest
 
 from benchmarks.soil_cases import DENSE, GRID, linear_case
 from subsoil_ros.api.prepare_bed import prepare_bed_first
-from subsoil_ros.cli._shared.progress import bed_progress
 from subsoil_ros.cli.main import main
+from subsoil_ros.cli.progress import bed_progress
 
 ROOT = Path(__file__).parents[2]
 

@@ -8,11 +8,11 @@ import pytest
 import yaml
 
 from subsoil_ros.api.execution import RunResult, execute
-from subsoil_ros.cli._shared.progress import SweepProgress
 from subsoil_ros.cli.main import main
+from subsoil_ros.cli.progress import SweepProgress
 from subsoil_ros.experiments.run_cache import keep_run
-from subsoil_ros.experiments.sweep.points import Point, jobs_of
-from subsoil_ros.experiments.sweep.run_jobs import ExecutionOptions, run_jobs
+from subsoil_ros.experiments.run_jobs import ExecutionOptions, run_jobs
+from subsoil_ros.experiments.sweep_points import Point, jobs_of
 from subsoil_ros.loading.presets import read_preset
 from tests.unit.experiments.designs import TINY
 

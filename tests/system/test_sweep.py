@@ -19,8 +19,9 @@ import pytest
 from subsoil_ros.analysis.intervals import Interval
 from subsoil_ros.api.execution import execute
 from subsoil_ros.cli.main import main
-from subsoil_ros.experiments.sweep.points import Point, Variation
-from subsoil_ros.experiments.sweep.ranking import (
+from subsoil_ros.experiments.run_sweep import Sweep
+from subsoil_ros.experiments.sweep_points import Point, Variation
+from subsoil_ros.experiments.sweep_ranking import (
     Ranked,
     control_point,
     point_key,
@@ -28,7 +29,6 @@ from subsoil_ros.experiments.sweep.ranking import (
     ranking_table,
     recommended,
 )
-from subsoil_ros.experiments.sweep.run_sweep import Sweep
 from subsoil_ros.loading.loader import load_scene
 
 Captured = pytest.CaptureFixture[str]
@@ -266,7 +266,7 @@ def test_bad_input(
     tmp_path: Path, capsys: Captured, monkeypatch: pytest.MonkeyPatch, arguments: list[str], words: str
 ) -> None:
     """Exit status 2 with what is wrong, before anything runs."""
-    monkeypatch.setattr("subsoil_ros.experiments.sweep.cluster.PATIENCE_S", 1.0)
+    monkeypatch.setattr("subsoil_ros.experiments.run_jobs.PATIENCE_S", 1.0)
     try:
         status = main(sweep(tmp_path / "out", *arguments))
     except SystemExit as error:  # argparse

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from subsoil_ros.errors import InputError, SubsoilError
-from subsoil_ros.experiments.calibration.laboratory_fit import calibrate
+from subsoil_ros.experiments.laboratory_fit import calibrate
 from subsoil_ros.loading.material_file import read_material, write_material
 from subsoil_ros.loading.validation import validated
 from subsoil_ros.scene.material import LaboratorySoil, Material

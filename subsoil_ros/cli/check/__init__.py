@@ -7,8 +7,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .._shared.arguments import add_overrides
-from .._shared.output import stdout_console, table
+from ..arguments import add_overrides
+from ..output import stdout_console, table
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -28,7 +28,6 @@ an undamped oscillation in a period. With 2.3 to 3 steps it is stable, but damps
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of `subsoil check`."""
     parser.add_argument("scene", help="scene file (.yaml)")
     add_overrides(parser)
 
@@ -48,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
     """Validate the scene and print its tables. Raises SceneError for any error that would stop a run."""
     from ...api.check_scene import check
     from ...loading.loader import load_scene
-    from .soil_rows import material_rows, particle_rows, wedge_rows
+    from .soil_rows import material_rows, particle_rows, print_bed, wedge_rows
     from .tool_rows import tool_rows
 
     resolved = load_scene(args.scene, args.overrides)
@@ -89,8 +88,6 @@ def run(args: argparse.Namespace) -> int:
     for line in accuracy_lines(resolved, args.overrides):
         console.print(line)
     if args.bed or args.bed_out:
-        from .bed_table import print_bed
-
         print_bed(console, resolved, args.threads, args.bed_out)
     for warning in found.warnings:
         console.print(f"warning: {warning}")
@@ -222,10 +219,8 @@ def _cost(found: CheckResult) -> Iterable[tuple[str, str]]:
     yield "memory", f"{cost.memory_bytes / 1e9:.2f} GB for the soil, {others} other process"
     yield (
         "wall time",
-        (
-            f"about {_duration(cost.soil_wall_s)} for the soil on one core, and {exchange} of exchange "
-            "between separate processes"
-        ),
+        f"about {_duration(cost.soil_wall_s)} for the soil on one core, and {exchange} of exchange "
+        "between separate processes",
     )
 
 

@@ -6,14 +6,13 @@ from pathlib import Path
 
 from ...coupling.run_options import OPTIONS
 from ...errors import InputError
-from .._shared.arguments import add_overrides
+from ..arguments import add_overrides
 
 DEFAULT_PORT = 8765
 """Default port of Foxglove's dialog for a connection."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of `subsoil run`."""
     parser.add_argument("scene", help="scene file (.yaml)")
     parser.add_argument(
         "--out",
@@ -67,12 +66,7 @@ def _number(name: str, text: str) -> int:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the scene.
-
-    Raises:
-        InputError: the scene or the folder cannot be used; nothing was written.
-        RunError: the run failed; what was recorded before is in the folder.
-    """
+    """Run the scene."""
     from .simulation import simulate
 
     return simulate(args)

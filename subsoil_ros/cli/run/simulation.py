@@ -18,16 +18,15 @@ from ...coupling.run_settings import RunSettings
 from ...errors import InputError
 from ...extras import require, require_ros
 from ...loading.loader import ResolvedScene, load_scene
-from ...report.result_tables import print_summary
-from ...report.sentences import mean_words
 from ...ros.process.node_plan import checked_namespace, nodes_of
 from ...ros.process.supervisor import Supervisor, node_program, start_node
 from ...ros.transport.environment import check_environment
 from ...ros.transport.ros_domain import run_domain
 from ...ros.transport.shared_memory import avoid_full_memory
+from ...run_results import mean_words, print_summary
 from ...yaml_document import Document
-from .._shared.output import say
-from .._shared.progress import (
+from ..output import say
+from ..progress import (
     KernelAnnouncer,
     RunProgress,
     announce_kernels_of_nodes,
@@ -134,18 +133,12 @@ def _say_where_nodes_are(run: RunSettings, domain: int, namespace: str) -> None:
         )
 
 
-def _avoid_full_memory(process_count: int) -> None:
-    """Says so if messages cannot go through shared memory."""
-    words = avoid_full_memory(process_count)
-    if words:
-        say(words)
-
-
 def _run_composed(frame: RunFrame, namespace: str, observer: RunObserver) -> None:
     with run_domain() as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-        _avoid_full_memory(1)
+        if words := avoid_full_memory(1):
+            say(words)
         from ...ros.nodes.composed import run_composed, scene_builds
 
         _say_where_nodes_are(frame.settings, domain, namespace)
@@ -161,18 +154,12 @@ def _run_nodes(frame: RunFrame, namespace: str, watch: RunWatch) -> None:
     logs.mkdir()
     nodes = nodes_of(frame.settings, frame.scene)
     with run_domain() as domain:
-        _avoid_full_memory(len(nodes))
+        if words := avoid_full_memory(len(nodes)):
+            say(words)
         _say_where_nodes_are(frame.settings, domain, namespace)
         processes = [
-            start_node(
-                node.name,
-                node_program(node.name),
-                logs / f"{node.name}.log",
-                node.parameters,
-                domain,
-                namespace,
-            )
-            for node in nodes
+            start_node(name, node_program(name), logs / f"{name}.log", parameters, domain, namespace)
+            for name, parameters in ((node.name, node.parameters) for node in nodes)
         ]
         status = Supervisor(processes, watch).follow()
     if status.code:

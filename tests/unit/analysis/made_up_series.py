@@ -6,9 +6,9 @@ import numpy as np
 
 from subsoil_ros.analysis.loads import loads_of
 from subsoil_ros.analysis.metrics_window import Window
-from subsoil_ros.analysis.run_statistics import RunStatistics
 from subsoil_ros.analysis.series import Series
 from subsoil_ros.analysis.stationarity import stationarity
+from subsoil_ros.analysis.summarize import RunStatistics
 from subsoil_ros.loading.loader import ResolvedScene
 
 ROWS = 2001

@@ -3,7 +3,7 @@
 import numba
 import pytest
 
-from subsoil_ros.cli._shared.progress import KernelAnnouncer, announce_kernels_of_nodes
+from subsoil_ros.cli.progress import KernelAnnouncer, announce_kernels_of_nodes
 from subsoil_ros.source_digest import PACKAGE, kernel_digest
 
 

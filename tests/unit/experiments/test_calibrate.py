@@ -9,9 +9,9 @@ import yaml
 from numpy.testing import assert_allclose
 
 from subsoil_ros.cli.main import main
-from subsoil_ros.experiments.calibration.fluctuation import octave_edges_m
-from subsoil_ros.experiments.calibration.pulls import Pull, numbers
-from subsoil_ros.experiments.calibration.wedge_design import base_scene, point_overrides, read_design, tip_of
+from subsoil_ros.experiments.fluctuation import octave_edges_m
+from subsoil_ros.experiments.pulls import Pull, numbers
+from subsoil_ros.experiments.wedge_design import base_scene, point_overrides, read_design, tip_of
 from subsoil_ros.loading.loader import load_scene
 
 from .designs import SCENES, small_design

@@ -14,8 +14,8 @@ from numpy.testing import assert_allclose
 from subsoil_ros.cli.main import main
 from subsoil_ros.dem.packing.bed_geometry import sample_edge_m
 from subsoil_ros.errors import InputError, SceneError
-from subsoil_ros.experiments.calibration import laboratory_fit as calibration
-from subsoil_ros.experiments.calibration.particle_forms import FORMS
+from subsoil_ros.experiments import laboratory_fit as calibration
+from subsoil_ros.experiments.particle_forms import FORMS
 from subsoil_ros.loading.files import config_folder, material_names
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.loading.material_file import is_of, read_laboratory_soil, read_material, write_material

@@ -12,10 +12,10 @@ import yaml
 from subsoil_ros.cli.main import main
 from subsoil_ros.errors import InputError
 from subsoil_ros.experiments.run_metrics import METRICS
-from subsoil_ros.experiments.study.measurement import Measurement, judge
-from subsoil_ros.experiments.study.run_study import study_jobs
-from subsoil_ros.experiments.study.study_design import StudyDesign, design_of, read_design
-from subsoil_ros.experiments.study.study_tables import expected_presets, markdown, wide_table
+from subsoil_ros.experiments.run_study import study_jobs
+from subsoil_ros.experiments.study_design import StudyDesign, design_of, read_design
+from subsoil_ros.experiments.study_errors import Measurement, judge
+from subsoil_ros.experiments.study_tables import expected_presets, markdown, wide_table
 from subsoil_ros.loading.loader import load_scene
 
 from .designs import TINY

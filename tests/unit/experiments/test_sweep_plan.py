@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from subsoil_ros.errors import InputError, SceneError
-from subsoil_ros.experiments.sweep.points import Point, combinations, jobs_of, parse_variations, seed_key
+from subsoil_ros.experiments.sweep_points import Point, combinations, jobs_of, parse_variations, seed_key
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.loading.scene_bundle import pack, unpack
 

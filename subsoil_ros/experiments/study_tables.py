@@ -2,15 +2,16 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from ..._version import __version__
-from ...analysis.intervals import Interval
-from ...figures.sweep_figures import Dot, Panel, draw_study
-from ...yaml_document import Document
-from ..run_metrics import METRICS, Metric
-from .measurement import Measurement, PresetResult
+from .._version import __version__
+from ..analysis.intervals import Interval
+from ..figures.sweep_figures import Dot, Panel, draw_study
+from ..yaml_document import Document
+from .run_metrics import METRICS, Metric
 from .study_design import REFERENCE, StudyDesign
+from .study_errors import Measurement, PresetResult
 
 _SPEED_UP = ("speed_up", "speed_up_low", "speed_up_high")
 
@@ -222,21 +223,12 @@ def draw(judged: Sequence[PresetResult], design: StudyDesign, scene: str, path: 
         factor = 100.0 if metric.relative else 1.0
         title = f"{metric.label}, against the reference run"
         unit = "error [%]" if metric.relative else "difference"
-        dots = tuple(
-            Dot(
-                number, _group(item), item.cpu_s.mean, factor * error.mean, factor * error.half_width,
-                error.resolved,
-            )
-            for number, item in enumerate(judged)
-            if item.cpu_s is not None and (error := item.errors.get(metric.name)) is not None
-        )  # fmt: skip
+        shown = [item.errors.get(metric.name) for item in judged]
+        dots = _dots(judged, [None if error is None else error.scaled(factor) for error in shown])
         if not dots and _told(judged, metric):
             title, unit = f"{metric.label}; the reference run has none", f"[{metric.unit}]"
-            dots = tuple(
-                Dot(number, _group(item), item.cpu_s.mean, value.mean, value.half_width, resolved=True)
-                for number, item in enumerate(judged)
-                if item.cpu_s is not None and (value := item.values.get(metric.name)) is not None
-            )
+            values = _dots(judged, [item.values.get(metric.name) for item in judged])
+            dots = tuple(replace(dot, resolved=True) for dot in values)
         if dots:
             panels.append(Panel(title, unit, dots))
     pareto = [number for number, item in enumerate(judged) if item.pareto]
@@ -245,6 +237,14 @@ def draw(judged: Sequence[PresetResult], design: StudyDesign, scene: str, path: 
         "hollow: less than the seeds' scatter; bold: Pareto"
     )
     return draw_study(panels, [item.name for item in judged], pareto, title, path)
+
+
+def _dots(judged: Sequence[PresetResult], shown: Sequence[Interval | None]) -> tuple[Dot, ...]:
+    return tuple(
+        Dot(number, _group(item), item.cpu_s.mean, found.mean, found.half_width, found.resolved)
+        for number, (item, found) in enumerate(zip(judged, shown, strict=True))
+        if item.cpu_s is not None and found is not None
+    )
 
 
 def _group(item: PresetResult) -> str:

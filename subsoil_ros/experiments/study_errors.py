@@ -6,14 +6,14 @@ from dataclasses import dataclass, field
 
 import pandas as pd
 
-from ...analysis.intervals import (
+from ..analysis.intervals import (
     Interval,
     difference_by_seed,
     error_against_one,
     error_by_seed,
     mean_interval,
 )
-from ..run_metrics import METRICS, Metric
+from .run_metrics import METRICS, Metric
 from .study_design import REFERENCE, StudyDesign
 
 

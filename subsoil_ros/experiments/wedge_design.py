@@ -6,15 +6,14 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from ...errors import InputError
-from ...loading.loader import ResolvedScene, load_scene
-from ...loading.soil_file import law_of
-from ...loading.validation import validated
-from ...scene.bed_kinds import is_random
-from ...scene.pair_laws import particle_spacing_m
-from ...scene.wedge_soil import WheelSoil
-from ...strict_model import Finite, Positive, StrictModel
-from ...yaml_document import read_document
+from ..errors import InputError
+from ..loading.loader import ResolvedScene, load_scene
+from ..loading.validation import validated
+from ..scene.bed_kinds import is_random
+from ..scene.pair_laws import particle_spacing_m
+from ..scene.wedge_soil import WheelSoil
+from ..strict_model import Finite, Positive, StrictModel
+from ..yaml_document import read_document
 
 GOLDEN = ((math.sqrt(5.0) - 1.0) / 2.0, 0.7548776662466927)
 """Factors of the shifts of the tool against a regular bed: their multiples modulo 1 fill a square evenly."""
@@ -66,6 +65,13 @@ def tip_of(scene: ResolvedScene) -> tuple[str, tuple[float, float]]:
     return tools[0], tip
 
 
+def turned_tip_m(scene: ResolvedScene, point: Point) -> tuple[float, float]:
+    """The tip (x, z) from the tool's origin, the tool turned as at a point."""
+    _, (x, z) = tip_of(scene)
+    cosine, sine = math.cos(point.tilt_rad), math.sin(point.tilt_rad)
+    return cosine * x - sine * z, sine * x + cosine * z
+
+
 def point_overrides(
     scene: ResolvedScene, design: WedgeDesign, point: Point, replicate: int
 ) -> tuple[str, ...]:
@@ -73,9 +79,7 @@ def point_overrides(
 
     Replicates have the next seed of a random bed; in a regular one, another position of the tool.
     """
-    name, (x, z) = tip_of(scene)
-    cosine, sine = math.cos(point.tilt_rad), math.sin(point.tilt_rad)
-    tip_x, tip_z = cosine * x - sine * z, sine * x + cosine * z
+    (name, _), (tip_x, tip_z) = tip_of(scene), turned_tip_m(scene, point)
     soil = scene.scene.particle_soil
     assert soil is not None
     shift = [0.0, 0.0]
@@ -112,10 +116,3 @@ def base_scene(design_path: Path, design: WedgeDesign) -> ResolvedScene:
     if scene.scene.particle_soil is None:
         raise InputError(f"{scene.path}: has no soil of particles, so there is nothing to calibrate to")
     return scene
-
-
-def fitted_law(scene: ResolvedScene) -> dict[str, object]:
-    """Law that the soil file records as the one it was fitted to."""
-    soil = scene.scene.particle_soil
-    assert soil is not None
-    return law_of(soil)

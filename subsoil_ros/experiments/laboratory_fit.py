@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from ...analysis.intervals import t_quantile
-from ...errors import InputError
-from ...limits.soil_at_work import MAX_OVERLAP, WORKING_STRESS_PA
-from ...loading.loader import load_scene
-from ...scene.material import VERSION, Interval, LaboratorySoil, Material, mean_volume_radius_m, sizes_about
-from ...yaml_document import Document
-from ..element_tests import (
+from ..analysis.intervals import t_quantile
+from ..errors import InputError
+from ..limits.soil_at_work import MAX_OVERLAP, WORKING_STRESS_PA
+from ..loading.loader import load_scene
+from ..scene.material import VERSION, Interval, LaboratorySoil, Material, mean_volume_radius_m, sizes_about
+from ..yaml_document import Document
+from .element_tests import (
     CELL_DIAMETERS,
     CRITICAL_STRAIN,
     LEAST_PA,
@@ -31,8 +31,8 @@ from ..element_tests import (
     prepare_cell,
     tensile_strength_pa,
 )
-from ..sweep.cluster import connected
 from .particle_forms import FORMS, REST_OVERLAP, Wanted
+from .run_jobs import connected
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -268,12 +268,8 @@ def _interval(found: NDArray[np.float64]) -> Interval:
     return Interval(value=mean, low=mean - half, high=mean + half)
 
 
-def _cell(document: Document) -> Cell:
+def _pressed(document: Document) -> Cell:
     return prepare_cell(load_scene(document))
-
-
-def _pressed(document: Document) -> None:
-    _cell(document)
 
 
 def _strength(document: Document) -> tuple[float, float, float]:
@@ -287,7 +283,7 @@ def _critical(document: Document) -> tuple[float, float, float]:
 
 
 def _series(document: Document, end_strain: float, *, to_peak: bool) -> tuple[float, float, float]:
-    cell = _cell(document)
+    cell = _pressed(document)
     curves = [plane_strain(cell, least, end_strain, to_peak=to_peak) for least in LEAST_PA]
     points = [curve.peak_pa() if to_peak else curve.critical_pa() for curve in curves]
     strength = fit_strength(*zip(*points, strict=True))
@@ -296,8 +292,8 @@ def _series(document: Document, end_strain: float, *, to_peak: bool) -> tuple[fl
 
 
 def _modulus(document: Document) -> float:
-    return confined_modulus_pa(_cell(document))
+    return confined_modulus_pa(_pressed(document))
 
 
 def _tension(document: Document) -> float:
-    return tensile_strength_pa(_cell(document))
+    return tensile_strength_pa(_pressed(document))

@@ -1,25 +1,26 @@
 """The fit of a wedge model to pulls through particles."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
-from ...loading.loader import ResolvedScene
-from ...loading.soil_file import SoilFile
-from ...messages import ToolMotion
-from ...scene.tool_faces import CuttingFace, cutting_faces
-from ...scene.tool_mesh import load_tool_mesh
-from ...scene.wedge_soil import SoilRange, WedgeValues
-from ...wedge.failure_wedge import Failure, Plate, failure
-from ...wedge.wedge_engine import WedgeEngine
-from ...wedge.wedge_forces import strength_of
-from ...yaml_document import Document
+from ..loading.loader import ResolvedScene
+from ..loading.soil_file import SoilFile, law_of
+from ..messages import ToolMotion
+from ..scene.tool_faces import CuttingFace, cutting_faces
+from ..scene.tool_mesh import load_tool_mesh
+from ..scene.wedge_soil import SoilRange, WedgeValues
+from ..wedge.failure_wedge import Failure, Plate, failure
+from ..wedge.wedge_engine import WedgeEngine
+from ..wedge.wedge_forces import strength_of
+from ..yaml_document import Document
 from .fluctuation import Fluctuation, fit_wedges
-from .pulls import START, Measured, PullNumbers, numbers, pull, shortest_wave_m
-from .wedge_design import Point, WedgeDesign, fitted_law, tip_of
+from .pulls import START, Measured, numbers, pull, shortest_wave_m
+from .wedge_design import Point, WedgeDesign
 
 Bounds = dict[str, tuple[float, float, float]]
 
@@ -95,7 +96,8 @@ def fit_wedge(
     engines = {id(item): WedgeEngine(item.scene) for item in measured}
     first = {"density_kg_per_m3": density_kg_per_m3, "drop": 0.1, "wheels": design.wheels}
     values = START.model_copy(update={**first, "theory": design.theory})
-    best = None
+    best, soil = None, scene.scene.particle_soil
+    assert soil is not None
     for _ in range(ROUNDS):
         best = _fit_means(values, used, engines, best)
         values = _fit_fluctuation(_with(values, best.x), used, design, shortest)
@@ -111,10 +113,10 @@ def fit_wedge(
     covariance = np.linalg.pinv(slopes.T @ slopes) * chi_squared
     deviation = np.sqrt(np.diag(covariance))
     safe = np.where(deviation > 0.0, deviation, 1.0)
-    soil = SoilFile(
+    fitted = SoilFile(
         model="wedge",
-        fitted_law=fitted_law(scene),
-        fitted_range=_range(scene, used),
+        fitted_law=law_of(soil),
+        fitted_range=_range(used),
         values=values,
         errors={name: float(error) for name, error in zip(names, deviation, strict=True)},
         report={
@@ -124,7 +126,7 @@ def fit_wedge(
             "freedoms": freedoms,
         },
     )
-    return WedgeFit(soil, compared, names, covariance / np.outer(safe, safe), chi_squared, freedoms)
+    return WedgeFit(fitted, compared, names, covariance / np.outer(safe, safe), chi_squared, freedoms)
 
 
 def searched_by(theory: str) -> Bounds:
@@ -205,17 +207,6 @@ def steady(engine: WedgeEngine, item: Measured) -> tuple[NDArray[np.float64], ND
     )
 
 
-def _wedge_numbers(
-    values: WedgeValues, item: Measured, engine: WedgeEngine, design: WedgeDesign, shortest_wave_m: float
-) -> list[PullNumbers]:
-    """Evaluate the wedge model on the same path, once for each of SEEDS."""
-    found = engine.with_values(values)
-    return [
-        numbers(pull(item.scene, found.with_seed(seed)), item.tip_x_m, design.window_m, shortest_wave_m)
-        for seed in SEEDS
-    ]
-
-
 def _fit_fluctuation(
     values: WedgeValues, used: list[Measured], design: WedgeDesign, shortest_wave_m: float
 ) -> WedgeValues:
@@ -287,7 +278,9 @@ def _inertia(values: WedgeValues, item: Measured, failed: Failure) -> float:
 def _compare(
     values: WedgeValues, item: Measured, engine: WedgeEngine, design: WedgeDesign, shortest_wave_m: float
 ) -> Compared:
-    got = _wedge_numbers(values, item, engine, design, shortest_wave_m)
+    of_soil, window_m = engine.with_values(values), design.window_m
+    pulls = [pull(item.scene, of_soil.with_seed(seed)) for seed in SEEDS]
+    got = [numbers(found, item.tip_x_m, window_m, shortest_wave_m) for found in pulls]
 
     def of_wedge(name: str) -> NDArray[np.float64]:
         return np.mean([getattr(one, name) for one in got], axis=0)
@@ -313,30 +306,28 @@ def _compare(
 
 
 def _row(item: Compared) -> Document:
+    def rounded(name: str, digits: int) -> list[float]:
+        return [round(value, digits) for value in getattr(item, name)]
+
     return {
         "depth_m": item.point.depth_m,
         "speed_m_per_s": item.point.speed_m_per_s,
         "tilt_rad": item.point.tilt_rad,
         "used_in_fit": item.used,
         "replicates": item.replicates,
-        "draft_newton": [round(value, 1) for value in item.draft_newton],
-        "upward_newton": [round(value, 1) for value in item.upward_newton],
-        "deviation_newton": [round(value, 1) for value in item.deviation_newton],
-        "variance_ratio": [round(value, 3) for value in item.variance_ratio],
-        "power_ratio": [round(value, 3) for value in item.power_ratio],
-        "ends_ratio": [round(value, 3) for value in item.ends_ratio],
-        "scatter": [round(value, 4) for value in item.scatter],
+        **{name: rounded(name, 1) for name in ("draft_newton", "upward_newton", "deviation_newton")},
+        **{name: rounded(name, 3) for name in ("variance_ratio", "power_ratio", "ends_ratio")},
+        "scatter": rounded("scatter", 4),
     }
 
 
-def _range(scene: ResolvedScene, used: list[Measured]) -> SoilRange:
-    name, _ = tip_of(scene)
-    rake = cutting_faces(load_tool_mesh(scene.directory, scene.scene, name), name)[0].rake_rad
-    depths = [item.point.depth_m for item in used]
-    speeds = [item.point.speed_m_per_s for item in used]
-    rakes = [rake - item.point.tilt_rad for item in used]
+def _range(used: list[Measured]) -> SoilRange:
+    def ends(values: Iterable[float]) -> tuple[float, float]:
+        found = list(values)
+        return min(found), max(found)
+
     return SoilRange(
-        depth_m=(min(depths), max(depths)),
-        speed_m_per_s=(min(speeds), max(speeds)),
-        rake_rad=(min(rakes), max(rakes)),
+        depth_m=ends(item.point.depth_m for item in used),
+        speed_m_per_s=ends(item.point.speed_m_per_s for item in used),
+        rake_rad=ends(_share(item).rake_rad - item.point.tilt_rad for item in used),
     )

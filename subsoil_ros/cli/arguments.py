@@ -33,3 +33,28 @@ def positive_count(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"'{text}' is no whole number of 1 or more")
     return int(text)
+
+
+def add_manner(parser: argparse.ArgumentParser, workers: int | None) -> None:
+    """Declare how the runs of `subsoil sweep` and `subsoil study` are executed; workers: the default."""
+    parser.add_argument(
+        "--scheduler", metavar="ADDRESS", help="of a Dask cluster, as tcp://host:8786 (default: this machine)"
+    )
+    parser.add_argument(
+        "--workers",
+        type=positive_count,
+        default=workers,
+        metavar="N",
+        help="runs at once on this machine (default: "
+        + ("one for every core, or for every --threads cores)" if workers is None else f"{workers})"),
+    )
+    parser.add_argument(
+        "--threads",
+        type=positive_count,
+        default=1,
+        metavar="N",
+        help="of each run's soil engine (default: 1)",
+    )
+    parser.add_argument(
+        "--retry-failed", action="store_true", help="run again what failed before; the rest is kept"
+    )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.special import digamma
 
-from ...wedge.failure_wedge import block_number, block_sizes, mean_bearing
+from ..wedge.failure_wedge import block_number, block_sizes, mean_bearing
 
 Values = NDArray[np.float64]
 

@@ -1,6 +1,5 @@
 """Runs of a calibration: each is run once and kept by the hash of its scene; and their evaluation."""
 
-import math
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -10,22 +9,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...analysis.columns import TIME, FacetGroup, PlanarTool
-from ...api.execution import execute
-from ...api.run_frame import simulate
-from ...coupling.engines import Soil
-from ...coupling.observer import RunWatch
-from ...coupling.run_settings import RunSettings
-from ...dem.build import prepare_bed
-from ...dem.packing.bed_report import report_bed
-from ...errors import RunError
-from ...limits.stable_steps import Timing
-from ...loading.loader import ResolvedScene, load_scene
-from ...messages import ToolMotions, ToolWrenches
-from ...scene.bed_kinds import TiledBed
-from ...scene.wedge_soil import WedgeValues
-from ...ticks import INITIAL_TICK
-from ..run_cache import find_run, keep_run
+from ..analysis.columns import TIME, FacetGroup, PlanarTool
+from ..api.execution import execute
+from ..api.run_frame import simulate
+from ..coupling.engines import Soil
+from ..coupling.observer import RunWatch
+from ..coupling.run_settings import RunSettings
+from ..dem.build import prepare_bed
+from ..dem.packing.bed_report import report_bed
+from ..errors import RunError
+from ..limits.stable_steps import Timing
+from ..loading.loader import ResolvedScene, load_scene
+from ..messages import ToolMotions, ToolWrenches
+from ..scene.bed_kinds import TiledBed
+from ..scene.wedge_soil import WedgeValues
+from ..ticks import INITIAL_TICK
 from .fluctuation import (
     MEAN_LENGTHS_M,
     SAMPLE_M,
@@ -34,7 +32,8 @@ from .fluctuation import (
     variance_of_means,
     without_trend,
 )
-from .wedge_design import Point, WedgeDesign, point_overrides, tip_of
+from .run_cache import find_run, keep_run
+from .wedge_design import Point, WedgeDesign, point_overrides, tip_of, turned_tip_m
 
 RunProgress = Callable[[str, Timing], AbstractContextManager[Callable[[int], None]]]
 """Shows a run, given its name and timing; yields a callback that takes every tick."""
@@ -189,13 +188,12 @@ def measure(
     shortest = shortest_wave_m(scene)
     for used, points in ((True, design.fit), (False, design.check)):
         for point in points:
-            runs = []
+            runs, (tip_x_m, _) = [], turned_tip_m(scene, point)
             for replicate in range(point.replicates):
                 resolved = load_scene(scene.path, point_overrides(scene, design, point, replicate))
                 label = f"{point.name}, run {replicate + 1} of {point.replicates}"
-                tip_x = _tip_x_m(scene, point)
                 found_pull = kept_pull(resolved, folder, label, threads, progress)
-                runs.append(numbers(found_pull, tip_x, design.window_m, shortest))
+                runs.append(numbers(found_pull, tip_x_m, design.window_m, shortest))
             step = f"coupling.communication_step_ns={round(1e9 * WEDGE_STEP_M / point.speed_m_per_s)}"
             changes = [
                 change
@@ -203,7 +201,7 @@ def measure(
                 if not change.startswith("soil.") or change.startswith("soil.bin")  # particles are not there
             ]
             wedge = load_scene(scene.path, (*changes, *_WEDGE, step))
-            found.append(Measured(point, wedge, _tip_x_m(scene, point), runs, used))
+            found.append(Measured(point, wedge, tip_x_m, runs, used))
     groups = scene.scene.tools[name].groups
     if any(len(item.numbers[0].mean_x_newton) != len(groups) for item in found):
         raise RunError(f"{folder}: a cached run has other groups than {', '.join(groups)}; remove the folder")
@@ -215,11 +213,6 @@ def shortest_wave_m(scene: ResolvedScene) -> float:
     soil = scene.scene.particle_soil
     assert soil is not None
     return soil.particles.mean_volume_radius_m
-
-
-def _tip_x_m(scene: ResolvedScene, point: Point) -> float:
-    _, (x, z) = tip_of(scene)
-    return math.cos(point.tilt_rad) * x - math.sin(point.tilt_rad) * z
 
 
 def bed_density_kg_per_m3(scene: ResolvedScene, threads: int = 1) -> float:

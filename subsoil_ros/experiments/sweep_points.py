@@ -2,16 +2,17 @@
 
 import itertools
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from ...analysis.summary import short_name
-from ...errors import InputError
-from ...loading.loader import ResolvedScene, load_scene
-from ...scene.bed_kinds import is_random
-from ...scene.soil import Soil
-from ...scene.wedge_soil import WedgeSoil
-from ...yaml_document import parse_yaml
+from ..analysis.summary import short_name
+from ..errors import InputError
+from ..loading.loader import ResolvedScene, load_scene
+from ..scene.bed_kinds import is_random
+from ..scene.soil import Soil
+from ..scene.wedge_soil import WedgeSoil
+from ..yaml_document import parse_yaml
 
 LARGEST_COUNT = 100_000
 """Most runs of a sweep; more are refused as a probable typing error, before memory is used for their list."""
@@ -86,9 +87,7 @@ def combinations(product: Sequence[Variation], paired: Sequence[Variation] = ())
     if both:
         raise InputError(f"--vary and --pair: {', '.join(sorted(both))} stands in both; keep one")
     steps = [{item.key: item.values[k] for item in paired} for k in range(lengths.pop() if lengths else 1)]
-    count = len(steps)
-    for item in product:
-        count *= len(item.values)
+    count = len(steps) * math.prod(len(item.values) for item in product)
     if count > LARGEST_COUNT:
         raise InputError(f"--vary: {count:,} combinations, allowed are {LARGEST_COUNT:,}; give fewer values")
     return tuple(

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from subsoil_ros.analysis.summarize import summarize
 from subsoil_ros.analysis.summary import Summary
-from subsoil_ros.report.result_tables import (
+from subsoil_ros.run_results import (
     print_summary,
     reference_lines,
     reference_rows,

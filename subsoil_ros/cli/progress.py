@@ -27,14 +27,14 @@ from rich.progress import (
 from rich.table import Column
 from rich.text import Text
 
-from ...cache_folders import kernel_cache_folder
-from ...kernel_cache import CompilationListener, soil_kernels_are_kept
-from ...ticks import tick_end_s
+from ..cache_folders import kernel_cache_folder
+from ..kernel_cache import CompilationListener, soil_kernels_are_kept
+from ..ticks import tick_end_s
 from .output import say
 
 if TYPE_CHECKING:
-    from ...dem.bed import OnProgress, RestProgress
-    from ...limits.stable_steps import Timing
+    from ..dem.bed import OnProgress, RestProgress
+    from ..limits.stable_steps import Timing
 
 
 _SHOWN_PARTS = 200
@@ -89,16 +89,20 @@ class RunProgress:
         self._progress.update(self._task, completed=tick_end_s(tick, self._communication_step_ns))
 
 
-def _bar(*columns: ProgressColumn) -> Progress:
-    """Return a bar that is removed when its work is done, and not drawn without a terminal."""
+def _bar(*columns: ProgressColumn, transient: bool = True) -> Progress:
+    """Return a bar that is not drawn without a terminal; transient: it is removed when its work is done."""
     console = Console(stderr=True)
     return Progress(
         *columns,
         console=console,
-        transient=True,
+        transient=transient,
         disable=not console.is_terminal,
         refresh_per_second=_REFRESHES_PER_S,
     )
+
+
+def _counting() -> tuple[ProgressColumn, ...]:
+    return TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
 
 
 @contextmanager
@@ -112,8 +116,7 @@ def working(what: str) -> Iterator[None]:
 @contextmanager
 def counted(what: str, count: int) -> Iterator[Callable[[], None]]:
     """Show a bar over `count` items; yields a callback to call after each."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with _bar(*columns) as progress:
+    with _bar(*_counting()) as progress:
         task = progress.add_task(what, total=count)
         yield lambda: progress.advance(task)
 
@@ -138,16 +141,12 @@ def reading_bag(timing: Timing) -> Iterator[Callable[[int], None]]:
 @contextmanager
 def bed_progress(what: str) -> Iterator[OnProgress]:
     """Show the preparation of a bed; yields the callback of its progress."""
-    console = Console(stderr=True)
     start = time.monotonic()
-    if console.is_terminal:
-        columns = (TextColumn("{task.description}"), TimeElapsedColumn())
-        with Progress(*columns, console=console, refresh_per_second=2, transient=True) as progress:
-            task = progress.add_task(f"{what}: starting")
-            yield lambda look: progress.update(task, description=f"{what}: {_text(look)}")
-    else:
-        say(f"preparing a {what}")
-        yield lambda look: None
+    with _bar(TextColumn("{task.description}"), TimeElapsedColumn()) as progress:
+        if progress.disable:
+            say(f"preparing a {what}")
+        task = progress.add_task(f"{what}: starting")
+        yield lambda look: progress.update(task, description=f"{what}: {_text(look)}")
     say(f"prepared a {what} in {time.monotonic() - start:.0f} s")
 
 
@@ -162,15 +161,9 @@ class SweepProgress:
     """Bars on standard error in a terminal, a line per run elsewhere. Use as context manager."""
 
     def __init__(self, title: str) -> None:
-        console = Console(stderr=True)
-        self._bars: Progress | None = None
-        if console.is_terminal:
-            self._bars = Progress(
-                TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
-                console=console, refresh_per_second=_REFRESHES_PER_S,
-            )  # fmt: skip
         self._title = title
-        self._all: TaskID | None = None
+        self._bars = _bar(*_counting(), transient=False)
+        self._all = self._bars.add_task(title, total=None, visible=False)
         self._tasks: dict[str, TaskID] = {}
         self._ended: set[str] = set()  # progress of a run may arrive after its end
         self._done = self._count = 0
@@ -179,12 +172,11 @@ class SweepProgress:
         """Start: `kept` of `count` runs are in the cache already."""
         self._done, self._count = kept, count
         self._say(f"{self._title}: {count} runs, {kept} of them kept from before")
-        if self._bars is not None:
-            self._all = self._bars.add_task(self._title, total=count, completed=kept)
+        self._bars.update(self._all, total=count, completed=kept, visible=True)
 
     def went_on(self, name: str, part: float) -> None:
         """Update: a run has done this part of its ticks."""
-        if self._bars is None or name in self._ended:
+        if name in self._ended:
             return
         if name not in self._tasks:
             self._tasks[name] = self._bars.add_task(escape(name), total=100)
@@ -194,30 +186,24 @@ class SweepProgress:
         """End of a run: its result is kept."""
         self._done += 1
         self._ended.add(name)
-        if self._bars is not None and self._all is not None:
-            self._bars.update(self._all, completed=self._done)
-            if name in self._tasks:
-                self._bars.remove_task(self._tasks.pop(name))
+        self._bars.update(self._all, completed=self._done)
+        if name in self._tasks:
+            self._bars.remove_task(self._tasks.pop(name))
         if failure is not None:
             self._say(f"failed: {name}: {failure}")
-        elif self._bars is None:
+        elif self._bars.disable:
             self._say(f"done: {name}; {self._done} of {self._count}")
 
     def _say(self, line: str) -> None:
         """Print a line above the bars."""
-        if self._bars is not None:
-            self._bars.console.print(line, markup=False, highlight=False, soft_wrap=True)
-        else:
-            say(line)
+        self._bars.console.print(line, markup=False, highlight=False, soft_wrap=True)
 
     def __enter__(self) -> SweepProgress:
-        if self._bars is not None:
-            self._bars.start()
+        self._bars.start()
         return self
 
     def __exit__(self, *exception: object) -> None:
-        if self._bars is not None:
-            self._bars.stop()
+        self._bars.stop()
 
 
 class KernelAnnouncer(CompilationListener):

@@ -7,7 +7,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Column, Table
 
-from ...errors import InputError
+from ..errors import InputError
 
 
 def say(line: str) -> None:

@@ -7,10 +7,10 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from ...contact_laws.dampers import TANGENTIAL_DAMPING, damping_ratio_at
-from ...scene.material import LaboratorySoil, mean_volume_radius_m
-from ...yaml_document import Document
-from ..element_tests import NEIGHBOURS, rumpf_pa
+from ..contact_laws.dampers import TANGENTIAL_DAMPING, damping_ratio_at
+from ..scene.material import LaboratorySoil, mean_volume_radius_m
+from ..yaml_document import Document
+from .element_tests import NEIGHBOURS, rumpf_pa
 
 ROLLING_FRICTION = 0.1
 """Stands for the shape of grains: small against the friction, so that one number is left to fit."""

@@ -6,17 +6,16 @@ from pathlib import Path
 
 import pandas as pd
 
-from ...errors import RunError
-from ...yaml_document import dump_yaml
-from ..run_cache import CachedRun
-from ..run_metrics import half_widths_of, metrics_of
-from ..sweep.points import Job, Point, jobs_of
-from ..sweep.run_jobs import ExecutionOptions, Watcher, run_jobs
-from ..sweep.run_sweep import RUNS, open_folder
-from ..sweep.run_table import table_of, write_table, write_whole
-from .measurement import Measurement, judge
+from ..errors import RunError
+from ..yaml_document import dump_yaml
+from .run_cache import CachedRun
+from .run_jobs import ExecutionOptions, Watcher, run_jobs
+from .run_metrics import half_widths_of, metrics_of
+from .run_sweep import RUNS, failed_of, open_folder, table_of, write_table, write_whole
 from .study_design import REFERENCE, StudyDesign
+from .study_errors import Measurement, judge
 from .study_tables import draw, expected_presets, markdown, wide_table
+from .sweep_points import Job, Point, jobs_of
 
 REQUEST = "study.yaml"
 
@@ -67,7 +66,6 @@ def run_study(
     request = {"scene": str(Path(scene).resolve()), "set": list(common), **design.model_dump(mode="json")}
     write_whole(out / REQUEST, lambda part: part.write_text(dump_yaml(request), encoding="utf-8"))
     runs = run_jobs(jobs, out / RUNS, manner, watcher)
-    failed = [(job.point.label, run.failure) for job, run in zip(jobs, runs, strict=True) if run.failure]
     measured = _measured(jobs, runs, by_record=design.intervals == "records")
     judged = judge(design, measured, _failures(jobs, runs))
     write_table(table_of(jobs, runs), out / "runs")
@@ -85,7 +83,7 @@ def run_study(
         paths.append(out / "expected.yaml")
         write_whole(paths[-1], lambda part: part.write_text(dump_yaml(expected), encoding="utf-8"))
     paths.append(draw(judged, design, jobs[0].scene.scene.name, out / "study.png"))
-    return StudyOutcome(text, failed, [*paths, out / "runs.csv", out / "runs.parquet"])
+    return StudyOutcome(text, failed_of(jobs, runs), [*paths, out / "runs.csv", out / "runs.parquet"])
 
 
 def _measured(jobs: Sequence[Job], runs: Sequence[CachedRun], *, by_record: bool) -> list[Measurement]:

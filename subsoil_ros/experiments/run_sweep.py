@@ -1,25 +1,30 @@
 """A sweep: combinations of values of a scene, run, tabled, drawn and ranked."""
 
-from collections.abc import Sequence
+import difflib
+import os
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
 
-from ...analysis.columns import DRAFT, spring_element
-from ...analysis.intervals import CONFIDENCE
-from ...analysis.summary import MEAN_DRAFT, path_of
-from ...errors import InputError
-from ...figures.sweep_figures import draw_response
-from ...yaml_document import dump_yaml
-from ..run_cache import CachedRun
-from .points import Job, Point, Variation, combinations, jobs_of
-from .ranking import Ranked, control_point, point_key, rank, ranking_table, recommended
+from ..analysis.columns import DRAFT, spring_element
+from ..analysis.intervals import CONFIDENCE
+from ..analysis.summary import MEAN_DRAFT, flattened, path_of
+from ..errors import InputError
+from ..figures.sweep_figures import draw_response
+from ..yaml_document import dump_yaml
+from .run_cache import CachedRun
 from .run_jobs import ExecutionOptions, Watcher, run_jobs
-from .run_table import table_of, write_table, write_whole
+from .run_metrics import metrics_of
+from .sweep_points import Job, Point, Variation, as_text, combinations, jobs_of
+from .sweep_ranking import Ranked, control_point, point_key, rank, ranking_table, recommended
 
 REQUEST = "sweep.yaml"
 RUNS = "runs"
+
+RUN_COLUMNS = ("run", "name", "seed", "failure", "wall_s", "cpu_s", "threads", "at_once", "machine", "code")
+"""Columns beside the varied keys and the numbers of the summary. wall_s and cpu_s are of the ticks alone."""
 
 
 @dataclass(frozen=True)
@@ -113,16 +118,15 @@ def run_sweep(
     write_whole(out / REQUEST, lambda part: part.write_text(dump_yaml(sweep.document()), encoding="utf-8"))
     runs = run_jobs(jobs, out / RUNS, manner, watcher)
     table = table_of(jobs, runs)
-    table.insert(1, "point", [point_key(job.point) for job in jobs])
     spring = jobs[0].scene.scene.report.spring
-    empty = sum(_window_is_empty(run) for run in runs)
-    paths = [*write_table(table.drop(columns="point"), out / "sweep")]
+    empty = sum(run.failure is None and run.metrics.window.whole_run for run in runs)
+    paths = [*write_table(table, out / "sweep")]
     if any(run.failure is None for run in runs):
         _refuse_unknown(shown, table)
-    ranked = rank(sweep.points(), table, sweep.control, spring, CONFIDENCE, shown)
+    by_point = table.assign(point=[point_key(job.point) for job in jobs])
+    ranked = rank(sweep.points(), by_point, sweep.control, spring, CONFIDENCE, shown)
     proven = not sweep.control or (bool(ranked) and ranked[0].saving is not None)
     best = recommended(ranked) if len(ranked) > 1 and proven and not empty else None
-    table = table.drop(columns="point")
     if ranked:
         paths.append(out / "ranking.csv")
         write_whole(paths[-1], lambda part: ranking_table(ranked, best).to_csv(part, index=False))
@@ -130,13 +134,9 @@ def run_sweep(
     done = table[(table["failure"] == "") & (table["name"] == "")]
     figure = draw_response(done, sweep.axes, columns, out / "response.png")
     return Outcome(
-        table, ranked, best, _failed(jobs, runs), [*paths, *([figure] if figure else [])],
+        table, ranked, best, failed_of(jobs, runs), [*paths, *([figure] if figure else [])],
         len({run.facts["code"] for run in runs}), empty,
     )  # fmt: skip
-
-
-def _window_is_empty(run: CachedRun) -> bool:
-    return run.failure is None and run.metrics.window.whole_run
 
 
 def _usual_columns(table: pd.DataFrame, spring: str | None) -> list[str]:
@@ -152,8 +152,6 @@ def _usual_columns(table: pd.DataFrame, spring: str | None) -> list[str]:
 def _refuse_unknown(columns: Sequence[str], table: pd.DataFrame) -> None:
     unknown = [name for name in columns if name not in table]
     if unknown:
-        import difflib
-
         near = difflib.get_close_matches(unknown[0], [str(name) for name in table.columns], n=3)
         hint = f"; near it are {', '.join(near)}" if near else ""
         raise InputError(
@@ -162,7 +160,66 @@ def _refuse_unknown(columns: Sequence[str], table: pd.DataFrame) -> None:
         )
 
 
-def _failed(jobs: Sequence[Job], runs: Sequence[CachedRun]) -> list[tuple[str, str]]:
+def failed_of(jobs: Sequence[Job], runs: Sequence[CachedRun]) -> list[tuple[str, str]]:
+    """Label and message of every run that failed."""
     return [
         (job.point.label, run.failure) for job, run in zip(jobs, runs, strict=True) if run.failure is not None
     ]
+
+
+def table_of(jobs: Sequence[Job], runs: Sequence[CachedRun]) -> pd.DataFrame:
+    """A row per job: its run's folder, the varied keys, its outcome, then every number of its summary.
+
+    seed is -1 where a job has none of its own, failure empty where there was none.
+    """
+    keys = list(dict.fromkeys(key for job in jobs for key in job.point.values))
+    numeric = {key: _all_numbers(jobs, key) for key in keys}
+    rows = []
+    for job, run in zip(jobs, runs, strict=True):
+        values = {
+            key: job.point.values.get(key) if numeric[key] else as_text(job.point.values.get(key, ""))
+            for key in keys
+        }
+        facts = {name: run.facts.get(name) for name in RUN_COLUMNS[4:]}
+        rows.append(
+            {
+                "run": run.folder.name,
+                "name": job.point.name,
+                **values,
+                "seed": -1 if job.point.seed is None else job.point.seed,
+                "failure": run.failure or "",
+                **facts,
+                **numbers_of(run),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def numbers_of(run: CachedRun) -> dict[str, float | int]:
+    """Every number of a run's summary, by its dotted path; of a complete run its metrics (run_metrics.py)."""
+    metrics = {} if run.failure else metrics_of(run)
+    return {f"metrics.{name}": value for name, value in metrics.items()} | {
+        name: value
+        for name, value in flattened(run.summary).items()
+        if isinstance(value, int | float) and not isinstance(value, bool)
+    }
+
+
+def _all_numbers(jobs: Sequence[Job], key: str) -> bool:
+    values = [job.point.values[key] for job in jobs if key in job.point.values]
+    return all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
+
+
+def write_table(table: pd.DataFrame, stem: Path) -> tuple[Path, Path]:
+    """Write STEM.csv and STEM.parquet, each in one piece; numbers of the CSV read back to the same bits."""
+    paths = stem.with_suffix(".csv"), stem.with_suffix(".parquet")
+    write_whole(paths[0], lambda part: table.to_csv(part, index=False))
+    write_whole(paths[1], lambda part: table.to_parquet(part, engine="pyarrow", index=False))
+    return paths
+
+
+def write_whole(path: Path, write: Callable[[Path], object]) -> None:
+    """Write a file beside `path`, then move it to `path`."""
+    part = path.with_name(f".{path.name}.part")
+    write(part)
+    os.replace(part, path)

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 
 import pandas as pd
 
-from ...analysis.columns import spring_element
-from ...analysis.intervals import Interval, difference_by_seed, error_by_seed, mean_interval
-from ...analysis.summary import MEAN_DRAFT
-from .points import Point
+from ..analysis.columns import spring_element
+from ..analysis.intervals import Interval, difference_by_seed, error_by_seed, mean_interval
+from ..analysis.summary import MEAN_DRAFT
+from .sweep_points import Point
 
 FATIGUE_WORDS = ("equivalent_range", "fatigue", "rainflow")
 """Words in the names of columns about a spring's load cycles; the first column found is used."""

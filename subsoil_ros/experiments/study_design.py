@@ -6,12 +6,12 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from ...errors import InputError
-from ...loading.validation import suggestion, validated
-from ...strict_model import Fraction, StrictModel
-from ...yaml_document import read_document
-from ..run_metrics import METRICS
-from ..sweep.points import Point
+from ..errors import InputError
+from ..loading.validation import suggestion, validated
+from ..strict_model import Fraction, StrictModel
+from ..yaml_document import read_document
+from .run_metrics import METRICS
+from .sweep_points import Point
 
 REFERENCE = "reference"
 

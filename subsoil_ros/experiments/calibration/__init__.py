@@ -1,1 +1,0 @@
-"""Fits of soil: the wedge model to runs with particles, particles to a laboratory's values."""

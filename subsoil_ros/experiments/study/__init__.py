@@ -1,1 +1,0 @@
-"""What accuracy costs: presets of a scene against a reference run."""

@@ -1,1 +1,0 @@
-"""Parameter sweeps on a Dask cluster, each scene run once."""

@@ -30,7 +30,7 @@ from .presets import (
     read_preset,
 )
 from .reference import Reference, read_reference
-from .short_scene import Derived, completed, is_short_key
+from .short_scene import Derived, comes_first, completed, is_short, with_stl_files
 from .soil_file import check_wedge_soil
 from .validation import CHOICES, validated, value_at
 
@@ -118,6 +118,7 @@ def _resolved(draft: _Draft) -> ResolvedScene:
         _lay_preset,
         _set_choices_aside,
         _apply_overrides,
+        _read_cad_files,
         _fill_window,
     ):
         complete(draft)
@@ -154,8 +155,10 @@ def _soil_in_full(change: Override) -> Override:
 def _complete_short(draft: _Draft) -> None:
     """Derive what a scene in short leaves out, and choose its preset."""
     draft.changes = [_soil_in_full(change) for change in draft.changes]
-    _apply(draft, [change for change in draft.changes if is_short_key(change.path)])
-    draft.changes = [change for change in draft.changes if not is_short_key(change.path)]
+    if not is_short(draft.document, draft.changes):
+        return
+    _apply(draft, [change for change in draft.changes if comes_first(change.path)])
+    draft.changes = [change for change in draft.changes if not comes_first(change.path)]
     sized = any(map(gives_size, draft.changes)) or value_at(draft.document, SIZE) is not None
     draft.document, draft.derived = completed(draft.document, draft.changes, draft.path, draft.shown)
     if not draft.derived or sized or not value_at(draft.document, ("soil", "material")):
@@ -233,6 +236,10 @@ def _apply(draft: _Draft, changes: Sequence[Override]) -> None:
     for change in changes:
         changed = apply_override(draft.document, change)
         draft.document = with_absolute_files(changed, draft.path.resolve().parent)
+
+
+def _read_cad_files(draft: _Draft) -> None:
+    draft.document = with_stl_files(draft.document, draft.path.parent, draft.shown)
 
 
 def _fill_window(draft: _Draft) -> None:

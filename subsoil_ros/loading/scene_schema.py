@@ -23,6 +23,11 @@ DIALECT = "http://json-schema.org/draft-07/schema#"
 PARTIAL = "Partial"
 """Prefix of the definitions in which every key may be left out."""
 
+DERIVED = ("name", "duration_s")
+"""Keys of a scene that one in short does not need."""
+
+_SOIL_BY_NAME: Schema = {"type": "string", "description": "In short, for soil.material alone."}
+
 _MATERIAL: Schema = {
     "type": ["string", "null"],
     "description": "Material file, or name of a shipped one: particles, bed and law of a laboratory's soil.",
@@ -39,6 +44,11 @@ def scene_schema() -> Schema:
     definitions |= partial
     for name in ("Soil", f"{PARTIAL}Soil"):
         definitions[name]["properties"]["material"] = _MATERIAL
+    for name in ("Scene", f"{PARTIAL}Scene"):
+        properties = definitions[name]["properties"]
+        properties["soil"] = {"anyOf": [_SOIL_BY_NAME, properties["soil"]]}
+    required = [key for key in definitions["Scene"]["required"] if key not in DERIVED]
+    definitions["Scene"]["required"] = required
     definitions["Soil"] = {  # a material brings what a soil without one must have
         "if": {"required": ["material"]},
         "then": {"$ref": f"#/$defs/{PARTIAL}Soil"},

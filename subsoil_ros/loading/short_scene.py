@@ -24,9 +24,6 @@ from .presets import IN_DEPTH, LEAST_ACROSS
 from .validation import validated
 
 CAD_KEYS = tuple(CadKeys.model_fields)
-SHORT_KEYS = (*CAD_KEYS, "mesh", "depth_m", "speed_m_per_s")
-"""Keys of a tool that are none of the scene's model; with `travel_m` of the scene."""
-
 START_M = 0.05
 """Way of the foremost point to the soil: the first contact is within the run, at any depth."""
 
@@ -60,10 +57,54 @@ class _Placed:
     shape: ToolShape
 
 
-def is_short_key(path: str) -> bool:
-    """Whether an override changes what is derived from, so that it comes first."""
+def is_short(document: Document, changes: Sequence[Override]) -> bool:
+    """Whether a tool of the scene has a depth, or a travel is given, by the file or an override."""
+    tools = document.get("tools")
+    given = [document.get("travel_m"), *(tool.get("depth_m") for tool in _mappings(tools))]
+    for change in changes:
+        keys = change.path.split(".")
+        if keys[0] == "tools":
+            given.append(change.value if keys[2:] == ["depth_m"] else _at_end(change.value, "depth_m"))
+        elif keys == ["travel_m"]:
+            given.append(change.value)
+    return any(value is not None for value in given)
+
+
+def comes_first(path: str) -> bool:
+    """Whether an override changes what is derived from: a travel, and tools but for their paths."""
     keys = path.split(".")
-    return path == "travel_m" or (keys[0] == "tools" and (len(keys) == 2 or keys[-1] in SHORT_KEYS))
+    return path == "travel_m" or (keys[0] == "tools" and "path" not in keys[2:3])
+
+
+def _at_end(value: object, key: str) -> object:
+    return value.get(key) if isinstance(value, dict) else None
+
+
+def _mappings(value: object) -> list[Document]:
+    items = value.values() if isinstance(value, dict) else ()
+    return [item for item in items if isinstance(item, dict)]
+
+
+def with_stl_files(document: Document, folder: Path, shown: str) -> Document:
+    """The document with STL files in metres in the place of all others; `mesh` of a tool is a group.
+
+    Raises:
+        SceneError: a mesh that cannot be used, or a depth or speed of a tool that nothing was derived from.
+    """
+    tools = document.get("tools")
+    if not isinstance(tools, dict):
+        return document
+    done = {}
+    for name, tool in tools.items():
+        where = f"{shown}: tools.{name}"
+        done[name] = _with_files(name, tool, folder, where) if isinstance(tool, dict) else tool
+        left = [key for key in ("depth_m", "speed_m_per_s") if _at_end(tool, key) is not None]
+        if left:
+            raise SceneError(
+                f"{where}: {left[0]}: given in an initial condition or preset, from which nothing is "
+                "derived; give it in the scene itself, or a path there"
+            )
+    return {**document, "tools": done}
 
 
 def completed(
@@ -121,33 +162,41 @@ def completed(
     return document, tuple(derived)
 
 
+def _with_files(name: str, tool: Document, folder: Path, where: str) -> Document:
+    """A tool with groups of STL files in metres; depth and speed stay."""
+    short = {key: tool[key] for key in (*CAD_KEYS, "mesh") if tool.get(key) is not None}
+    rest = {key: value for key, value in tool.items() if key not in (*CAD_KEYS, "mesh")}
+    own, groups = "mesh" in short, rest.get("groups")
+    if own and groups:
+        raise SceneError(f"{where}: given both 'mesh' and 'groups'; give 'mesh' for one file")
+    if short and not own:
+        raise SceneError(
+            f"{where}: {', '.join(short)}: given without 'mesh'; give it with the file of a group"
+        )
+    if own:
+        groups = {name: short}
+    if isinstance(groups, dict):
+        rest["groups"] = {
+            group: _usable(part, folder, where if own else f"{where}.groups.{group}", own)
+            for group, part in groups.items()
+        }
+    return rest
+
+
 def _in_full(name: str, tool: object, folder: Path, where: str, placed: list[_Placed]) -> object:
     """A tool with its files read and its keys in short taken out; one with a depth is added to `placed`."""
     if not isinstance(tool, dict):
         return tool
-    short = {key: tool[key] for key in SHORT_KEYS if tool.get(key) is not None}
-    rest = {key: value for key, value in tool.items() if key not in SHORT_KEYS}
-    groups = rest.get("groups")
-    if "mesh" in short:
-        if groups:
-            raise SceneError(f"{where}: given both 'mesh' and 'groups'; give 'mesh' for one file")
-        groups = {name: {key: short[key] for key in (*CAD_KEYS, "mesh") if key in short}}
-    elif any(key in short for key in CAD_KEYS):
-        raise SceneError(f"{where}: {', '.join(k for k in CAD_KEYS if k in short)}: given without 'mesh'")
-    if isinstance(groups, dict):
-        rest["groups"] = {
-            group: _usable(
-                part, folder, f"{where}.groups.{group}" if "mesh" not in short else where, "mesh" in short
-            )
-            for group, part in groups.items()
-        }
-    if "depth_m" not in short and "speed_m_per_s" not in short:
+    full = _with_files(name, tool, folder, where)
+    rest = {key: value for key, value in full.items() if key not in ("depth_m", "speed_m_per_s")}
+    if full.get("depth_m") is None and full.get("speed_m_per_s") is None:
         return rest
-    checked = validated(Tool, {**rest, **short, "path": {}}, where)
     if rest.get("path") is not None or rest.get("body") is not None:
         raise SceneError(
-            f"{where}: depth_m and speed_m_per_s stand for a path, and 'path' or 'body' is given"
+            f"{where}: depth_m and speed_m_per_s stand for a path, and 'path' or 'body' is given too; "
+            "give one of them"
         )
+    checked = validated(Tool, {**full, "path": {}}, where)
     if checked.depth_m is None or checked.speed_m_per_s is None:
         raise SceneError(f"{where}: give both depth_m and speed_m_per_s")
     if checked.speed_m_per_s <= 0.0:
@@ -156,15 +205,8 @@ def _in_full(name: str, tool: object, folder: Path, where: str, placed: list[_Pl
             "rotation_deg: [0, 0, 180] if it looks backward"
         )
     vertices, facets = _assembled(checked, folder, where)
-    placed.append(
-        _Placed(
-            name,
-            checked.depth_m,
-            checked.speed_m_per_s,
-            checked.lateral_m,
-            tool_shape(vertices, facets, checked.depth_m),
-        )
-    )
+    shape = tool_shape(vertices, facets, checked.depth_m)
+    placed.append(_Placed(name, checked.depth_m, checked.speed_m_per_s, checked.lateral_m, shape))
     return rest
 
 

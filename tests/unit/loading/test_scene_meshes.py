@@ -172,7 +172,7 @@ def test_mesh_in_millimetres(load: Callable[..., ToolMesh]) -> None:
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [
-        ("tool.obj", b"v 0 0 0", "allowed are .stl"),
+        ("tool.ply", b"ply", "allowed are .stl"),
         ("tool.stl", b"", "cannot be read|holds no facets"),
         ("tool.stl", b"\x00" * 50, "cannot be read|holds no facets"),
         ("tool.stl", b"solid x\nendsolid x\n", "cannot be read|holds no facets"),

@@ -55,7 +55,7 @@ EXEC_DEPENDS = [str(node.text) for node in ElementTree.fromstring(MANIFEST).find
 
 
 def test_lists_are_those_of_the_extras():
-    """`make run` installs a plain installation with the extras cad and report; each further list adds its extras."""
+    """`make run` installs a plain installation with two extras; each further list adds its own."""
     python = {name for name in file_names("run") if not name.startswith("ros-")}
     assert python == RUN | {"setuptools"}  # the editable install
     assert file_names("extras") == INSTALLED - RUN

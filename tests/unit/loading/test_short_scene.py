@@ -1,0 +1,199 @@
+"""Scenes in short: what is derived from a soil, a tool's file, depth, speed and travel."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+from subsoil_ros.errors import SceneError
+from subsoil_ros.loading.loader import ResolvedScene, load_scene
+from subsoil_ros.scene.soil import rupture_distance_m
+from subsoil_ros.scene.tool_mesh import load_tool_mesh
+from subsoil_ros.scene.tool_shape import tool_shape
+from tests.unit.scene.step_prism import step_prism
+
+TINE_MM = [(0.0, 0.0), (-60.0, 34.64), (-60.0, 500.0), (-100.0, 500.0), (-100.0, 10.0)]
+"""A tine in x and z: a front raked by 30 degrees up to an upright shank, an underside with 5.7 degrees."""
+
+Load = Callable[..., ResolvedScene]
+
+
+@pytest.fixture
+def load(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Load:
+    """Loads the scene of six lines, with changes by dotted path; meshes of the same tine lie beside it."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    (tmp_path / "my_tine.step").write_text(step_prism(TINE_MM, 40.0))
+    (tmp_path / "tine.yaml").write_text(
+        "soil: loam\ntools: {tine: {mesh: my_tine.step, depth_m: 0.20, speed_m_per_s: 0.5}}\ntravel_m: 3\n"
+    )
+
+    def loaded(**changes: Any) -> ResolvedScene:
+        keys = {key.replace("__", "."): value for key, value in changes.items()}
+        return load_scene(tmp_path / "tine.yaml", keys)
+
+    monkeypatch.chdir(tmp_path)
+    return loaded
+
+
+def as_mesh(metres: float = 1.0, lying: bool = False) -> trimesh.Trimesh:
+    """The tine as facets; lying: drawn with y upwards and looking backward."""
+    scene = trimesh.load_scene(Path("my_tine.step"))
+    mesh = scene.to_mesh()
+    mesh.merge_vertices(merge_tex=True, merge_norm=True)
+    vertices = np.asarray(mesh.vertices) / metres
+    if lying:
+        vertices = (vertices * (-1.0, -1.0, 1.0))[:, [0, 2, 1]] * (1.0, 1.0, -1.0)
+    return trimesh.Trimesh(vertices, mesh.faces, process=False)
+
+
+def vertices_m(scene: ResolvedScene) -> np.ndarray:
+    """Vertices of the tine, sorted."""
+    found = load_tool_mesh(scene.directory, scene.scene, "tine").vertices_m.round(6) + 0.0
+    return np.unique(found, axis=0)
+
+
+def test_what_six_lines_make(load: Load) -> None:
+    """Time by the travel, a field about the tool, the foremost point just outside, means from the tip on."""
+    found = load()
+    scene = found.scene
+    assert scene.duration_s == 6.0
+    assert scene.name == "tine"
+    tine, soil = scene.tools["tine"], scene.particle_soil
+    assert tine.path is not None
+    assert soil is not None
+    assert soil.window is not None
+    assert (tine.path.start_x_m, tine.path.start_z_m) == (-0.05, -0.2)
+    assert scene.report.tip_m == (0.0, 0.0)
+    assert soil.bin.depth_m == pytest.approx(0.3)
+    assert 0.04 + 2 * 0.2 <= soil.bin.width_m <= 0.04 + 2 * 0.2 + 0.05
+    ahead = rupture_distance_m(0.2, 32.0)
+    assert ahead <= scene.report.window_inside_m <= ahead + 0.01
+    assert soil.bin.length_m > 3.0 + ahead + soil.window.ahead_m
+    assert found.preset == "standard"
+    assert {item.key for item in found.derived} >= {"duration_s", "soil.bin", "tools.tine.path", "preset"}
+    assert all(item.reason for item in found.derived)
+
+
+def test_the_scene_in_full_is_the_same_scene(load: Load, tmp_path: Path) -> None:
+    """What a run writes has no key in short, and loads to the same hash; nothing is derived again."""
+    found = load()
+    found.write(tmp_path / "full.yaml")
+    again = load_scene(tmp_path / "full.yaml")
+    assert again.scene_hash == found.scene_hash
+    assert not again.derived
+    assert "depth_m: 0.2" not in (tmp_path / "full.yaml").read_text()
+
+
+def test_given_values_stay(load: Load) -> None:
+    """By overrides before what is derived, and after it."""
+    found = load(
+        soil="clay_loam", travel_m=1.0, tools__tine__depth_m=0.3, soil__particles__radius_m=0.012,
+        soil__bin__width_m=1.0, report__window_inside_m=0.2,
+    )  # fmt: skip
+    soil = found.scene.particle_soil
+    assert soil is not None
+    assert found.material is not None
+    assert found.material.soil.name == "clay loam"
+    assert found.preset is None
+    assert soil.particles.mean_volume_radius_m == pytest.approx(0.012, rel=0.05)
+    assert (soil.bin.width_m, soil.bin.depth_m) == (1.0, pytest.approx(0.45))
+    assert found.scene.duration_s == 2.0
+    assert found.scene.report.window_inside_m == 0.2
+
+
+@pytest.mark.parametrize("preset", ["fine", "coarse"])
+def test_a_preset_gives_the_size(load: Load, preset: str) -> None:
+    """And no row of `derived` says another one."""
+    found = load(preset=preset)
+    assert found.preset == preset
+    assert "soil.particles.radius_m" not in {item.key for item in found.derived}
+
+
+@pytest.mark.parametrize(("file", "unit"), [
+    ("metres.stl", None), ("millimetres.stl", "mm"), ("centimetres.obj", "cm"), ("inches.stl", "inch"),
+    ("metres.obj", "m"),
+])  # fmt: skip
+def test_units_and_formats_make_the_same_tool(load: Load, file: str, unit: str | None) -> None:
+    """To the round-off of an STL file."""
+    metres = {"mm": 1e-3, "cm": 1e-2, "inch": 0.0254}.get(unit or "m", 1.0)
+    as_mesh(metres).export(file)
+    found = load(tools__tine__mesh=file, **({"tools__tine__unit": unit} if unit else {}))
+    np.testing.assert_allclose(vertices_m(found), vertices_m(load()), atol=2e-6)
+
+
+def test_a_3mf_names_its_unit(load: Load) -> None:
+    """It is read, not asked for."""
+    scene = trimesh.Scene([as_mesh(1e-3)])
+    scene.units = "millimeters"
+    Path("tine.3mf").write_bytes(scene.export(file_type="3mf"))
+    np.testing.assert_allclose(vertices_m(load(tools__tine__mesh="tine.3mf")), vertices_m(load()), atol=2e-6)
+
+
+def test_a_lying_tool_is_turned(load: Load) -> None:
+    """Drawn with y upwards, and looking backward."""
+    as_mesh(lying=True).export("lying.stl")
+    found = load(tools__tine__mesh="lying.stl", tools__tine__up="y", tools__tine__rotation_deg=[0, 0, 180])
+    np.testing.assert_allclose(vertices_m(found), vertices_m(load()), atol=2e-6)
+
+
+def test_the_shape_is_that_of_the_drawing(load: Load) -> None:
+    """Width, rake and clearance of the edge, whatever the shank above it."""
+    found = load()
+    mesh = load_tool_mesh(found.directory, found.scene, "tine")
+    shape = tool_shape(mesh.vertices_m, mesh.facets, 0.2)
+    assert shape.width_m == pytest.approx(0.04)
+    assert shape.height_m == pytest.approx(0.5)
+    assert shape.tip_m == pytest.approx((0.0, 0.0))
+    assert shape.rake_deg == pytest.approx(30.0, abs=0.1)
+    assert shape.clearance_deg == pytest.approx(np.degrees(np.arctan(0.1)), abs=0.1)
+
+
+BAD: list[tuple[dict[str, Any], str]] = [
+    ({"tools__tine__mesh": "big.stl"}, "100 x 40 x 500 large, and the file names no.*unit: mm for 0.5 m"),
+    ({"tools__tine__mesh": "big.stl", "tools__tine__unit": "m"}, "is 500 m large, and no tool is"),
+    ({"tools__tine__unit": "mm"}, "the file names its unit; leave it out"),
+    ({"tools__tine__mesh": "tine.dwg"}, "given a '.dwg' file, allowed are .stl, .obj, .3mf, .step, .stp"),
+    ({"tools__tine__mesh": "not_there.step"}, "not_there.step: No such file"),
+    ({"tools__tine__mesh": "broken.step"}, "broken.step: .*STEP"),
+    ({"tools__tine__speed_m_per_s": -0.5}, "must be above 0; turn the mesh by rotation_deg"),
+    ({"tools__tine__speed_m_per_s": None}, "give both depth_m and speed_m_per_s"),
+    ({"tools__tine__depth_m": 0}, "depth_m: given 0; it must be a number greater than 0"),
+    ({"tools__tine__up": "x"}, "up: given the text 'x'; it must be 'y' or 'z'"),
+    ({"tools__tine__depht_m": 1.0}, "did you mean 'depth_m'?"),
+    ({"tools__tine__groups": {"a": {"mesh": "my_tine.step"}}}, "given both 'mesh' and 'groups'"),
+    ({"travel_m": "far"}, "travel_m: given 'far'; it must be a number above 0"),
+    ({"soil": "loom"}, "did you mean 'loam'?"),
+    ({"tools__a": {"mesh": "my_tine.step", "depth_m": 0.1, "speed_m_per_s": 1.0}}, "move at 0.5, 1 m/s"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("changes", "message"), BAD)
+def test_bad_input(load: Load, changes: dict[str, Any], message: str) -> None:
+    """One line that says where, what was given and what to do."""
+    as_mesh(1e-3).export("big.stl")
+    Path("broken.step").write_text("ISO-10303-21;\n")
+    Path("tine.dwg").touch()
+    with pytest.raises(SceneError, match=message) as caught:
+        load(**changes)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_travel_needs_a_tool_in_short(tmp_path: Path) -> None:
+    """A path has a law of its own."""
+    with pytest.raises(SceneError, match=re.escape("travel_m: given without a tool in short")):
+        load_scene("tine", {"travel_m": 1.0})
+
+
+@pytest.mark.parametrize("value", [0.5, {"kind": "constant", "value": 0.5}])
+def test_a_number_is_a_constant_law(value: object) -> None:
+    """In a path, and within a sum; the same scene by hash."""
+    given = load_scene("tine", {"tools.tine.path.speed_x_m_per_s": value})
+    summed = load_scene("tine", {"tools.tine.path.speed_x_m_per_s": {"kind": "sum", "terms": [value]}})
+    assert given.scene_hash == load_scene("tine").scene_hash
+    path = summed.scene.tools["tine"].path
+    assert path is not None
+    assert "value=0.5" in str(path.speed_x_m_per_s)

@@ -252,6 +252,8 @@ def _velocities(machine: Machine, mechanism: Mechanism, q: np.ndarray) -> np.nda
     _, free = _null_rows(matrix.T)
     scaled = np.linalg.lstsq(matrix, speed, rcond=RANK_TOLERANCE)[0] if len(speed) else np.zeros(len(root))
     for chosen in (given, ~given):
+        if np.abs(free[chosen]).max(initial=0.0) < RANK_TOLERANCE:
+            continue  # round-off, which would count as a direction: these bodies are held
         weighted = root[chosen, None] * free[chosen]
         scaled = scaled + free @ _least(weighted, root[chosen] * (guess - scaled)[chosen])
         free = free @ _null_rows(weighted.T)[1] if free.shape[1] else free

@@ -103,6 +103,17 @@ def test_missing_file(refused: Callable[..., str]) -> None:
     assert "tine.yaml" in text
 
 
+def test_a_file_name_that_is_too_long(
+    refused: Callable[..., str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of the scene, of files in it, and of a run."""
+    long = "a" * 300
+    for words in ([long], [SCENES / "field_tine.yaml", "--set", f"soil.material={long}"]):
+        assert long in refused(*words)
+    assert main(["report", long]) == 2
+    assert f"{long}: is longer than a file name can be" in capsys.readouterr().err
+
+
 def test_folder_for_a_file(refused: Callable[..., str]) -> None:
     """A folder in place of the scene is refused."""
     assert "is a folder" in refused(SCENES)

@@ -89,7 +89,7 @@ validate: setup-test  ## the tables of validation/ that check themselves, before
 	$(bin)/python -m validation.wide_blade
 
 fuzz: setup-test  ## 20,000 random scenes, names, environments, machines and tools each; the tests draw a few hundred; hours
-	$(bin)/python -W ignore::UserWarning -m dev.fuzz
+	$(bin)/python -m dev.fuzz
 
 check: setup-check  ## style, types, layers, and that no test file costs too much
 	$(bin)/ruff check .

@@ -43,17 +43,17 @@ def run(fuzzer: Fuzzer, count: int, chosen: int | None = None) -> Counter[str]:
     def judged(case: Any) -> None:
         found[fuzzer.judge(case)] += 1
 
-    (judged if chosen is None else seed(chosen)(judged))()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        warnings.simplefilter("error", RuntimeWarning)  # numpy's, of numbers that are none
+        (judged if chosen is None else seed(chosen)(judged))()
     return found
 
 
 def outcome(work: Callable[[], object], check_message: Callable[[str], object] = str) -> str:
     """ "runs", or "refused" where the work ends in one message. Raises what it raises otherwise."""
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)
-            warnings.simplefilter("error", RuntimeWarning)  # numpy's, of numbers that are none
-            work()
+        work()
     except InputError as error:
         if not str(error).strip():
             raise AssertionError("refused without a message") from error

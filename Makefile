@@ -88,7 +88,7 @@ validate: setup-test  ## the tables of validation/ that check themselves, before
 	$(bin)/python -m validation.flow_function
 	$(bin)/python -m validation.wide_blade
 
-fuzz: setup-test  ## 20,000 random scenes, names, environments, machines and tools each; the tests draw a few hundred; hours
+fuzz: setup-test  ## 20,000 random cases of each fuzzer, of which the tests draw a few hundred; hours
 	$(bin)/python -m dev.fuzz
 
 check: setup-check  ## style, types, layers, and that no test file costs too much

@@ -162,7 +162,9 @@ def _null_rows(matrix: np.ndarray) -> tuple[int, np.ndarray]:
 
 
 def _joints_of(machine: Machine, vectors: np.ndarray, part: float) -> tuple[str, ...]:
-    """Joints whose rows have entries above `part` of the largest in `vectors` (m, any)."""
+    """Joints whose rows have entries above `part` of the largest in `vectors` (m, any); none without rows."""
+    if len(vectors) == 0:
+        return ()
     strength = np.abs(vectors).max(axis=1)
     found = {int(machine.row_joint[i]) for i in np.flatnonzero(strength > part * strength.max())}
     return tuple(machine.joints[i] for i in sorted(found))

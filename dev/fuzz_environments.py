@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 
 from dev.fuzz import outcome
 from subsoil_ros.cache_folders import user_cache_folder
-from subsoil_ros.numba_environment import check_numba_environment
 from subsoil_ros.ros.transport.environment import LARGEST_DOMAIN, check_environment
 from subsoil_ros.ros.transport.ros_domain import run_domain
 
@@ -69,7 +68,6 @@ def judge(given: dict[str, str]) -> str:
 def _start() -> None:
     """What is read of the environment before a run with nodes starts."""
     check_environment()
-    check_numba_environment()
     with run_domain() as domain:
         assert 0 <= domain <= LARGEST_DOMAIN
     assert os.access(user_cache_folder(), os.W_OK)

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from ...errors import environment_error
+from ...numba_environment import check_numba_environment
 
 LARGEST_DOMAIN = 232
 """Above it the ports of the domain (RTPS specification) do not exist."""
@@ -16,11 +17,12 @@ _PROFILES = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")
 
 
 def check_environment() -> None:
-    """Check what ROS will read.
+    """Check what ROS and numba will read.
 
     Raises:
         InputError: a variable has a value with which no node starts, or none finds another.
     """
+    check_numba_environment()
     given = {name: value for name, value in os.environ.items() if value}
     domain = given.get("ROS_DOMAIN_ID", "0")
     if not re.fullmatch("0|[1-9][0-9]{0,2}", domain) or int(domain) > LARGEST_DOMAIN:  # 010 is 8 in ROS

@@ -88,9 +88,8 @@ validate: setup-test  ## the tables of validation/ that check themselves, before
 	$(bin)/python -m validation.flow_function
 	$(bin)/python -m validation.wide_blade
 
-fuzz: setup-test  ## 20,000 random scenes and tools each, as the tests draw a few hundred; an hour
-	$(bin)/python -m dev.fuzz_scenes --cases 20000
-	$(bin)/python -m dev.fuzz_tools --cases 20000
+fuzz: setup-test  ## 20,000 random cases of each fuzzer, of which the tests draw a few hundred; hours
+	$(bin)/python -m dev.fuzz
 
 check: setup-check  ## style, types, layers, and that no test file costs too much
 	$(bin)/ruff check .

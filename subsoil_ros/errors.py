@@ -13,6 +13,11 @@ class InputError(SubsoilError):
     exit_status = 2
 
 
+def environment_error(name: str, given: str, allowed: str) -> InputError:
+    """The refusal of an environment variable."""
+    return InputError(f"environment: {name} is {given!r}; it must be {allowed}; set it so, or unset it")
+
+
 class SceneError(InputError):
     """A scene file (or an override of it) is wrong."""
 

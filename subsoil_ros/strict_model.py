@@ -34,6 +34,8 @@ def _name(value: str) -> str:
             f"given the name '{value}'; it must be a letter and then letters, digits and underscores, "
             "64 at most"
         )
+    if value == "world":
+        raise ValueError("given the name 'world', which is the frame of the world in /tf; choose another")
     return value
 
 

@@ -3,6 +3,7 @@
 import codecs
 import difflib
 import math
+import re
 from collections.abc import Iterator, Mapping
 from io import StringIO
 from pathlib import Path
@@ -23,6 +24,10 @@ LARGEST_SIZE = 1_000_000
 """Largest number of values in a document, its aliases expanded."""
 
 _PLAIN = ("tag:yaml.org,2002:str", "tag:yaml.org,2002:merge")
+
+
+_NO_TEXT = re.compile("[\0\ud800-\udfff]")
+"""NUL, and halves of a character, as JSON writes one beyond U+FFFF."""
 
 
 class _Composer(Composer):
@@ -82,9 +87,14 @@ def parse_yaml(text: str | bytes, source: str) -> Any:
         if _size(value, {}) > LARGEST_SIZE:
             raise SceneError(f"{source}: its aliases make more than {LARGEST_SIZE:,} values of it; use fewer")
         for path, leaf in leaves(value):
+            where = f"{source}: {path}" if path else source
             if isinstance(leaf, float) and not math.isfinite(leaf):
-                where = f"{source}: {path}" if path else source
                 raise SceneError(f"{where}: given {leaf}, allowed are finite numbers only")
+            if (found := _NO_TEXT.search(f"{path} {leaf}")) is not None:
+                raise SceneError(
+                    f"{where}: has {found[0]!a}, which no name or file can have; remove it, or write a "
+                    "character as itself instead of its halves"
+                )
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f"{source}:{mark.line + 1}:{mark.column + 1}" if mark else source

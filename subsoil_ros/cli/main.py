@@ -1,6 +1,7 @@
 """The command `subsoil`: one verb per file beside this one."""
 
 import argparse
+import errno
 import io
 import sys
 from collections.abc import Sequence
@@ -8,7 +9,8 @@ from importlib import import_module
 from types import ModuleType
 
 from .._version import __version__
-from ..errors import InterruptedRunError, SubsoilError
+from ..errors import InputError, InterruptedRunError, SubsoilError
+from ..numba_environment import check_numba_environment
 from .interrupts import answered_interrupts
 
 VERBS = {
@@ -63,10 +65,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     args = parse(sys.argv[1:] if arguments is None else arguments)
     try:
         with answered_interrupts(args.verb):
+            check_numba_environment()
             return _module(args.verb).run(args)
     except SubsoilError as error:
         print(f"subsoil {args.verb}: {error}", file=sys.stderr)
         return error.exit_status
+    except OSError as error:  # asking whether such a file exists fails, wherever it is done
+        if error.errno != errno.ENAMETOOLONG:
+            raise
+        print(f"subsoil {args.verb}: {error.filename}: is longer than a file name can be", file=sys.stderr)
+        return InputError.exit_status
     except KeyboardInterrupt:
         print(f"subsoil {args.verb}: interrupted", file=sys.stderr)
         return InterruptedRunError.exit_status

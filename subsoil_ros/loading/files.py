@@ -1,6 +1,7 @@
 """File names in a scene document, and the files that come with the package."""
 
 import copy
+import os.path
 from collections.abc import Callable
 from pathlib import Path
 
@@ -40,7 +41,7 @@ def with_absolute_files(document: Document, directory: Path) -> Document:
     def absolute(name: str) -> str:
         shipped = shipped_material(shipped_reference(Path(name)))
         path = directory / name
-        return str((path if path.is_file() else directory / shipped).resolve())
+        return str((path if os.path.isfile(path) else directory / shipped).resolve())
 
     return map_files(document, absolute)
 
@@ -92,13 +93,13 @@ def material_names() -> list[str]:
 
 
 def _shipped(path: Path, kind: str) -> Path:
-    if path.is_file() or path.suffix or path.parent != Path():
+    if os.path.isfile(path) or path.suffix or path.parent != Path():
         return path
     try:
         found = config_folder() / kind / f"{path}.yaml"
     except InputError:
         return path
-    return found if found.is_file() else path
+    return found if os.path.isfile(found) else path
 
 
 def template_names() -> list[str]:

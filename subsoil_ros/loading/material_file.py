@@ -1,6 +1,7 @@
 """Material files: `soil.material` in a scene stands for particles calibrated to a soil of a laboratory."""
 
 import math
+import os.path
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -24,7 +25,7 @@ def read_laboratory_soil(path: Path) -> LaboratorySoil:
 
 def read_material(path: Path, place: str) -> Material:
     """Read a material. Raises SceneError for a file that is missing, no material, or of another version."""
-    if not path.is_file() and not path.suffix:
+    if not os.path.isfile(path) and not path.suffix:
         raise SceneError(
             f"{place}: no file, and no soil that is shipped: {suggestion(path.name, material_names())}"
         )

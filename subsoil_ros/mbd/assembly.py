@@ -162,7 +162,9 @@ def _null_rows(matrix: np.ndarray) -> tuple[int, np.ndarray]:
 
 
 def _joints_of(machine: Machine, vectors: np.ndarray, part: float) -> tuple[str, ...]:
-    """Joints whose rows have entries above `part` of the largest in `vectors` (m, any)."""
+    """Joints whose rows have entries above `part` of the largest in `vectors` (m, any); none without rows."""
+    if len(vectors) == 0:
+        return ()
     strength = np.abs(vectors).max(axis=1)
     found = {int(machine.row_joint[i]) for i in np.flatnonzero(strength > part * strength.max())}
     return tuple(machine.joints[i] for i in sorted(found))
@@ -252,6 +254,8 @@ def _velocities(machine: Machine, mechanism: Mechanism, q: np.ndarray) -> np.nda
     _, free = _null_rows(matrix.T)
     scaled = np.linalg.lstsq(matrix, speed, rcond=RANK_TOLERANCE)[0] if len(speed) else np.zeros(len(root))
     for chosen in (given, ~given):
+        if np.abs(free[chosen]).max(initial=0.0) < RANK_TOLERANCE:
+            continue  # round-off, which would count as a direction: these bodies are held
         weighted = root[chosen, None] * free[chosen]
         scaled = scaled + free @ _least(weighted, root[chosen] * (guess - scaled)[chosen])
         free = free @ _null_rows(weighted.T)[1] if free.shape[1] else free

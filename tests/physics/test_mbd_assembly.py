@@ -75,6 +75,18 @@ def test_a_velocity_that_joints_forbid_is_named():
         assemble(Mechanism.model_validate(machine), 9.81, 1e-3)
 
 
+def test_the_velocity_of_a_welded_body_moves_no_other(mechanism_engine):
+    """What the weld forbids is round-off, not a direction in which the slider would start at 1e14 m/s."""
+    machine = {
+        "bodies": {"slider": _body(0.8, -0.1), "anvil": _body(0.3, 0.4, velocity_m_per_s=(-0.2, -0.5))},
+        "joints": {"rail": _rail("slider") | {"axis": (0.0, 1.0)},
+                   "weld": {"kind": "fixed", "body_a": "ground", "body_b": "anvil", "point_m": (-0.7, -0.1)}},
+    }  # fmt: skip
+    with pytest.warns(MovedBodiesWarning, match="anvil"):
+        engine = mechanism_engine(machine)
+    assert (engine.arrays.v == 0.0).all()
+
+
 def test_named_coordinates_are_held(mechanism_engine):
     """A coordinate of `initial.coordinates` has its value exactly; the others follow."""
     state = mechanism_engine(_four_bar(coordinates={"left.angle_rad": 0.4})).state("run", -1, 0)

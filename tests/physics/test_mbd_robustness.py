@@ -306,3 +306,14 @@ def test_where_newton_fails_what_was_tried_is_advised(mechanism_engine):
     first = _energy(engine.state("run", -1, 0))
     _run(engine, 4)
     assert _energy(engine.state("run", 3, 2_000_000)) == pytest.approx(first, rel=1e-4)
+
+
+def test_a_machine_without_joints_that_is_too_stiff_ends_by_name(mechanism_engine):
+    """A damper whose rate no part of a step resolves, where there are no joints to name."""
+    damper = {"kind": "torsion_spring", "body_a": "ground", "body_b": "rotor", "rest_angle_rad": 0.1,
+              "stiffness_newton_m_per_rad": 1e3, "damping_newton_m_s_per_rad": 1e3}  # fmt: skip
+    engine = mechanism_engine(
+        {"bodies": {"rotor": _body(-0.7, 0.6, 0.1, 1e-4)}, "forces": {"damper": damper}}, 1_000_000
+    )
+    with pytest.raises(PhysicsError, match=r"error of a step stays above mechanism\.tolerance"):
+        _run(engine, 40)

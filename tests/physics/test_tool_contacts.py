@@ -5,7 +5,9 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from dev.fuzz_tools import RADIUS, about, contacts, run_cases, tool
+from dev import fuzz_tools
+from dev.fuzz import run
+from dev.fuzz_tools import RADIUS, about, contacts, tool
 
 DEPTH = 0.0005
 BOX = (0.02, 0.12, 0.16)
@@ -13,7 +15,7 @@ BOX = (0.02, 0.12, 0.16)
 
 def test_random_solids_have_the_same_contacts_in_any_form() -> None:
     """Whole, subdivided, cut into flush parts, overlapping another; `make fuzz` draws 20,000."""
-    run_cases(200, 7)
+    assert run(fuzz_tools, 200, 7)
 
 
 @pytest.mark.parametrize("turned", [False, True])

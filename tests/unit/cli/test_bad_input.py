@@ -81,7 +81,7 @@ def test_good_scene(check: Check, name: str) -> None:
 
 def test_full_scene_is_described(check: Check) -> None:
     """The paper's scene shows particles, each step limit with its cause, steps, memory and wall time."""
-    text = check(SCENES / "subsoiler_1s300.yaml").stdout
+    text = check(SCENES / "subsoiler_1s300.yaml", "--verbose").stdout
     for words in ("188,034", "on rotation", "on translation", "stiffness", "binds", "soil steps", "memory"):
         assert words in text
     limits = [float(found) for found in re.findall(r"^ ([\d.]+) us", text, re.MULTILINE)]
@@ -101,6 +101,17 @@ def test_missing_file(refused: Callable[..., str]) -> None:
     text = refused(SCENES / "tyne.yaml")
     assert "tyne.yaml: no such file" in text
     assert "tine.yaml" in text
+
+
+def test_a_file_name_that_is_too_long(
+    refused: Callable[..., str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of the scene, of files in it, and of a run."""
+    long = "a" * 300
+    assert long in refused(long)
+    assert "no file" in refused(SCENES / "field_tine.yaml", "--set", f"soil.material={long}")
+    assert main(["report", long]) == 2
+    assert "is longer than a file name can be" in capsys.readouterr().err
 
 
 def test_folder_for_a_file(refused: Callable[..., str]) -> None:

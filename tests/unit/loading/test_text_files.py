@@ -25,6 +25,14 @@ def test_tabs_beside_values_are_blanks(text: str | bytes, value: object) -> None
     assert parse_yaml(text, "scene.yaml") == value
 
 
+@pytest.mark.parametrize(("escaped", "shown"), [(r"\0", r"\x00"), (r"\ud83d\ude9c", r"\ud83d")])
+def test_what_no_file_name_can_have_is_refused(escaped: str, shown: str) -> None:
+    """NUL, and the halves of a character that JSON writes for one beyond U+FFFF."""
+    with pytest.raises(SceneError) as refused:
+        parse_yaml(f'{{"tools": {{"mesh": "{escaped}"}}}}', "scene.yaml")
+    assert f"scene.yaml: tools.mesh: has '{shown}', which no name or file can have" in str(refused.value)
+
+
 NINE = ",".join(["*a{}"] * 9)
 
 

@@ -92,7 +92,7 @@ def _lines(scene: Scene, summary: Summary) -> list[tuple[str, str, float, int]]:
     shank, spring = scene.report.shank, scene.report.spring
     lines: list[tuple[str, str, float, int]] = [
         ("draft [N]", DRAFT, 1.0, 1),
-        ("  of it share [N]", DRAFT_OF_SHARES, 1.0, 1),
+        *((("  of it tillage tools [N]", DRAFT_OF_SHARES, 1.0, 1),) if scene.mechanism is not None else ()),
         *((f"    of it {tool} [N]", draft_of_tool(tool), 1.0, 1) for tool in scene.tools),
         ("  of it wheels [N]", DRAFT_OF_WHEELS, 1.0, 1),
         ("spring force, compression + [N]", spring_element(spring).load, 1.0, 1),

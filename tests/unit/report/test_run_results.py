@@ -38,7 +38,7 @@ def test_printed_summary_names_everything_asked_for(machine):
     summary = summarize(directory / "bag", run.resolved, {"whole_wall_s": 99.0})
     text = printed(summary, run, directory)
     for piece in (
-        "draft [N]", "of it share [N]", "of it wheels [N]", "spring force", "share angle [rad]",
+        "draft [N]", "of it tillage tools [N]", "of it wheels [N]", "spring force", "share angle [rad]",
         "height [mm]", "300 particles", f"{TICKS} steps", "20.5 s wall time (99.0 s with start-up)",
         "real-time factor", "residual",
         "beside Yuan & Yu (2020)", "series.draft_newton.moving_10ms.min", "272.2 to 453.8",

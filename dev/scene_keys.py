@@ -1,12 +1,9 @@
-"""Prints the reference of all keys of a scene file as Markdown, from its JSON Schema.
-
-    python -m dev.scene_keys
+"""The reference of all keys of a scene file as Markdown, from its JSON Schema (dev/reference.py writes it).
 
 One section for each part of a scene, with a table: key, value, default, unit, description. The schema takes
 defaults, limits and descriptions from the typed model (subsoil_ros/loading/scene_schema.py).
 """
 
-import argparse
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -110,7 +107,7 @@ def _title(part: Part, parts: list[Part], definitions: dict[str, Schema]) -> str
 def _section(name: str, title: str, definitions: dict[str, Schema], anchors: dict[str, str]) -> str:
     definition = definitions[name]
     required = definition.get("required", ())
-    lines = [f"### {title} {{#{anchors[name]}}}", ""]
+    lines = [f'<a id="{anchors[name]}"></a>', "", f"### {title}", ""]
     if definition.get("description"):
         lines += [definition["description"], ""]
     lines.append(HEAD)
@@ -177,16 +174,3 @@ def _limits(item: Schema) -> str:
     signs = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
     found = [f"{sign} {item[key]:g}" for key, sign in signs.items() if key in item]
     return f" {', '.join(found)}" if found else ""
-
-
-def main() -> int:
-    """Print the reference."""
-    argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    ).parse_args()
-    print(scene_keys())
-    return 0
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+from dev.reference import BLOCK
 from tests.system.test_documentation import PAGES
 
 ROOT = Path(__file__).parents[3]
@@ -41,7 +42,8 @@ def test_plain_words_are_told_from_others():
 
 
 def prose(text: str) -> str:
-    """A page without code, formulas, targets of links and the bars of tables."""
+    """A page without what is generated, code, formulas, targets of links and the bars of tables."""
+    text = BLOCK.sub("", text)
     text = re.sub(r"(?ms)^ *```.*?^ *```$|\$\$.*?\$\$|<!--.*?-->", "", text)
     return re.sub(r"\]\([^)]*\)|\|", " ", re.sub(r"\$[^$\n]+\$", "x", text))
 

@@ -10,12 +10,12 @@ from subsoil_ros.scene.tools import Poses
 from subsoil_ros.scene.wedge_soil import WedgeValues
 
 TEXT = scene_keys()
-ANCHORS = re.findall(r"^### .* \{#(\S+)\}$", TEXT, re.MULTILINE)
+ANCHORS = re.findall(r'^<a id="(\S+)"></a>$', TEXT, re.MULTILINE)
 
 
 def row(section: str, key: str) -> list[str]:
     """Cells of a key, without the key itself."""
-    part = TEXT.split(f"{{#{section}}}\n")[1].split("\n### ")[0]
+    part = TEXT.split(f'<a id="{section}"></a>\n\n')[1].split("\n<a id=")[0]
     (line,) = [line for line in part.splitlines() if line.startswith(f"| `{key}` |")]
     return [cell.strip() for cell in line.strip("|").split(" | ")][1:]
 

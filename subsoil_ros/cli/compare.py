@@ -2,7 +2,7 @@
 
 import argparse
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -116,6 +116,8 @@ def _print(found: "list[Difference]", sources: "list[Source]", out: Path) -> Non
     if not alike:
         for name, words in shared.items():
             print_line(console, f"{name}: {words}")
+    for line in verdicts(found, labels):
+        print_line(console, line)
     for source in sources:
         if source.window_empty:
             print_line(
@@ -125,6 +127,36 @@ def _print(found: "list[Difference]", sources: "list[Source]", out: Path) -> Non
             )
     for path in ("comparison.csv", "comparison.png"):
         print_line(console, f"written: {out / path}")
+
+
+RESOLVED = 0.03
+"""Part of the first mean that a verdict is asked to resolve: less decides no choice between two tools."""
+
+
+def verdicts(found: "Sequence[Difference]", labels: Sequence[str]) -> Iterator[str]:
+    """What the intervals of the draft's means say about each further source, in words."""
+    from ..analysis.columns import DRAFT
+
+    for item in found:
+        if (item.column, item.statistic) != (DRAFT, "shared_mean") or not item.part_half_widths:
+            continue
+        for place in range(1, len(labels)):
+            part, half = item.against_first(place)[1], item.part_half_widths[place]
+            if math.isnan(part) or math.isnan(half):
+                continue
+            low, high = sorted((100.0 * (abs(part) - half), 100.0 * (abs(part) + half)))
+            who, first = labels[place], labels[0]
+            if low > 0.0:
+                word = "less" if part < 0.0 else "more"
+                told = f"{who} needs {low:.1f} to {high:.1f} % {word} draft than {first}: shown"
+            elif half <= RESOLVED:
+                told = f"{who} and {first} need the same draft to {high:.1f} %: shown"
+            else:
+                ends = f"{100.0 * (part - half):+.1f} to {100.0 * (part + half):+.1f} % of draft"
+                longer = f"{(half / RESOLVED) ** 2:.1f} times as long"
+                told = f"{who} against {first}: not resolved, {ends}; runs {longer} would resolve "
+                told += f"{100.0 * RESOLVED:.0f} %"
+            yield f"{told} (95 %, on this sample of soil; another soil.bed.seed is another sample)"
 
 
 def _span(span_s: tuple[float, float]) -> str:

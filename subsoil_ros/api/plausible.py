@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from ..errors import SceneError
 from ..limits.soil_at_work import speed_and_depth
 from ..loading.loader import ResolvedScene
-from ..mbd.tool_paths import tool_path
 from ..rotations import placed_m
 from ..scene.soil import Soil
 from ..scene.tool_mesh import ToolMesh, load_tool_mesh
@@ -133,6 +132,8 @@ def _boxes(
         start = tool.path.start_m(tool.lateral_m if tool.is_spatial else 0.0)
         places = [placed_m(corners, start, tool.path.start_quaternion)]
     else:
+        from ..mbd.tool_paths import tool_path  # only for a tool that has a path
+
         path = tool_path(name, tool.lateral_m, tool.path)
         motions = [path.motion(time) for time in np.linspace(0.0, resolved.scene.duration_s, MOMENTS)]
         places = [

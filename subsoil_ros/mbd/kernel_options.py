@@ -5,8 +5,13 @@ state and workspace at every call, took two thirds of the time. So a kernel allo
 one with linear.copy.
 """
 
+from collections.abc import Callable
+from typing import Any, TypeVar
+
 import numpy as np
 from numba import njit
+
+Function = TypeVar("Function", bound=Callable[..., Any])
 
 kernel = njit(cache=True, error_model="numpy", _nrt=False)
 
@@ -20,6 +25,18 @@ part_of_kernel = njit(
 """The same, written into its callers before they are compiled: for short functions, and for those of a step
 that are called in one place (advance.py). Not for all layers of a step: as one function they compile in less
 time, but run a fifth slower."""
+
+
+def named(function: Function, name: str) -> Function:
+    """Give a function that is made anew in each call of another one a name of its own, before it is compiled.
+
+    Compiled code finds a function by its name, its types and a number that counts up in each process. Two
+    functions of one name would be taken for one another where kernels from the cache, compiled in another
+    process, meet those of this one.
+    """
+    function.__qualname__ = name
+    return function
+
 
 NO, YES = np.bool_(False), np.bool_(True)
 """Flags that a kernel passes to another. False and True are of two types to numba, which would compile a

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry import turns_of
-from ..kernel_options import inner_kernel, kernel, part_of_kernel
+from ..kernel_options import inner_kernel, kernel, named, part_of_kernel
 from ..machine_arrays import DISSIPATED, Model
 from . import OF_THEIR_OWN, spring_damper, torsion_spring, wheel_contact
 from .elastic import has_modes, push_at, spring_mode
@@ -112,32 +112,30 @@ def _report_between(model, held, i, at, q, turns, v):
 
 
 def _choose_add(kind, its, other):
-    @inner_kernel
     def choose(model, held, i, at, q, turns, v, total, powers):
         if model.forces[i].kind == kind:
             its(model, held, i, at, q, turns, v, total, powers)
         else:
             other(model, held, i, at, q, turns, v, total, powers)
 
-    return choose
+    return inner_kernel(named(choose, f"add_of_kind_{kind}"))
 
 
-def _choose_value(kind, its, other):
-    @inner_kernel
+def _choose_value(kind, its, other, what):
     def choose(model, held, i, at, q, turns, v):
         if model.forces[i].kind == kind:
             return its(model, held, i, at, q, turns, v)
         return other(model, held, i, at, q, turns, v)
 
-    return choose
+    return inner_kernel(named(choose, f"{what}_of_kind_{kind}"))
 
 
 # `add`, `mode_at` and `report` of every kind as one, which chooses by the kind of the force
 _add, _mode_at, _report = _add_between, _mode_between, _report_between
 for _module in OF_THEIR_OWN:
     _add = _choose_add(_module.KIND, _module.add, _add)
-    _mode_at = _choose_value(_module.KIND, _module.mode_at, _mode_at)
-    _report = _choose_value(_module.KIND, _module.report, _report)
+    _mode_at = _choose_value(_module.KIND, _module.mode_at, _mode_at, "mode_at")
+    _report = _choose_value(_module.KIND, _module.report, _report, "report")
 
 
 @kernel

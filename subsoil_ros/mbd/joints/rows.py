@@ -2,7 +2,7 @@
 
 Rows: two coincident points, a point on a line, an angle. Each has its value, its entries of the Jacobian, and
 gamma = Phi_q q'' without the terms of a driver; all unscaled, d = p_b - p_a (geometry.py). Sources:
-docs/mechanism.md.
+docs/decisions/0002-mechanism-integrator.md.
 """
 
 from typing import Protocol

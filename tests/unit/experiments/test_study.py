@@ -256,7 +256,8 @@ def test_presets_of_the_paper_quote_its_study(preset: str) -> None:
     resolved = load_scene(CONFIG / "scenes" / "subsoiler_1s300.yaml")
     expected = resolved.presets[preset].expected
     assert expected is not None
-    table = pd.read_csv(CONFIG.parent / "docs/results/studies/subsoiler_1s300.csv").set_index("preset")
+    studies = CONFIG.parent / "reproduction/yuan_yu_2020/results/studies"
+    table = pd.read_csv(studies / "subsoiler_1s300.csv").set_index("preset")
     row = table.loc[PRESETS[preset]]
     quoted = {f"{name}_error": error for name, error in expected.errors.items()}
     quoted |= {

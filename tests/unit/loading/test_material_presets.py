@@ -232,7 +232,7 @@ def test_a_preset_of_the_scene_itself_comes_first(tmp_path: Path):
 def test_quoted_errors_are_those_of_the_study(preset, row):
     """config/presets/loam.yaml against the shipped table; of `fine` the interval of its own means."""
     root = Path(__file__).parents[3]
-    table = pd.read_csv(root / "docs/results/studies/field_tine.csv").set_index("preset").loc[row]
+    table = pd.read_csv(root / "validation/studies/field_tine.csv").set_index("preset").loc[row]
     expected = load_scene("field_tine").presets[preset].expected
     assert expected is not None
     assert expected.errors

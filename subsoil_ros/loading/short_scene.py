@@ -58,15 +58,18 @@ class _Placed:
 
 
 def is_short(document: Document, changes: Sequence[Override]) -> bool:
-    """Whether a tool of the scene has a depth, or a travel is given, by the file or an override."""
-    tools = document.get("tools")
-    given = [document.get("travel_m"), *(tool.get("depth_m") for tool in _mappings(tools))]
+    """Whether a tool of the scene has a depth or speed, or a travel is given, by the file or an override."""
+    tools = _mappings(document.get("tools"))
+    given = [document.get("travel_m"), *(change.value for change in changes if change.path == "travel_m")]
     for change in changes:
         keys = change.path.split(".")
-        if keys[0] == "tools":
-            given.append(change.value if keys[2:] == ["depth_m"] else _at_end(change.value, "depth_m"))
-        elif keys == ["travel_m"]:
+        if keys == ["tools"]:
+            tools += _mappings(change.value)
+        elif keys[0] == "tools" and len(keys) == 2:
+            tools += _mappings({keys[1]: change.value})
+        elif keys[0] == "tools" and keys[2:] in (["depth_m"], ["speed_m_per_s"]):
             given.append(change.value)
+    given += [tool.get(key) for tool in tools for key in ("depth_m", "speed_m_per_s")]
     return any(value is not None for value in given)
 
 
@@ -74,10 +77,6 @@ def comes_first(path: str) -> bool:
     """Whether an override changes what is derived from: a travel, and tools but for their paths."""
     keys = path.split(".")
     return path == "travel_m" or (keys[0] == "tools" and "path" not in keys[2:3])
-
-
-def _at_end(value: object, key: str) -> object:
-    return value.get(key) if isinstance(value, dict) else None
 
 
 def _mappings(value: object) -> list[Document]:
@@ -98,7 +97,8 @@ def with_stl_files(document: Document, folder: Path, shown: str) -> Document:
     for name, tool in tools.items():
         where = f"{shown}: tools.{name}"
         done[name] = _with_files(name, tool, folder, where) if isinstance(tool, dict) else tool
-        left = [key for key in ("depth_m", "speed_m_per_s") if _at_end(tool, key) is not None]
+        keys = tool if isinstance(tool, dict) else {}
+        left = [key for key in ("depth_m", "speed_m_per_s") if keys.get(key) is not None]
         if left:
             raise SceneError(
                 f"{where}: {left[0]}: given in an initial condition or preset, from which nothing is "

@@ -197,3 +197,13 @@ def test_a_number_is_a_constant_law(value: object) -> None:
     path = summed.scene.tools["tine"].path
     assert path is not None
     assert "value=0.5" in str(path.speed_x_m_per_s)
+
+
+def test_a_tool_of_another_scene_may_be_in_short(tmp_path: Path) -> None:
+    """By an override that brings the whole of it; a speed alone is not enough."""
+    mesh = str(Path(__file__).parents[3] / "config/meshes/share.stl")
+    tool = {"mesh": mesh, "depth_m": 0.1, "speed_m_per_s": 0.5}
+    found = load_scene("field_tine", {"tools.second": {**tool, "lateral_m": 0.15}})
+    assert found.scene.tools["second"].path is not None
+    with pytest.raises(SceneError, match="give both depth_m and speed_m_per_s"):
+        load_scene("field_tine", {"tools.second": {"mesh": mesh, "speed_m_per_s": 0.5}})

@@ -11,13 +11,11 @@ from ..errors import SceneError
 from ..limits.soil_at_work import speed_and_depth
 from ..loading.loader import ResolvedScene
 from ..rotations import placed_m
+from ..scene.cad_mesh import LARGEST_M, SMALLEST_M
 from ..scene.soil import Soil
 from ..scene.tool_mesh import ToolMesh, load_tool_mesh
 from ..scene.tools import Tool
 from ..yaml_document import leaves
-
-SMALLEST_M, LARGEST_M = 0.005, 10.0
-"""Sizes of tools that work soil: smaller and larger ones are probably in another unit."""
 
 SMALLEST_DENSITY_KG_PER_M3 = 500.0
 """Below it there is no soil and no tool; g/cm3 are below it."""

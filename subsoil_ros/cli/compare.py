@@ -144,7 +144,7 @@ def verdicts(found: "Sequence[Difference]", labels: Sequence[str]) -> Iterator[s
             part, half = item.against_first(place)[1], item.part_half_widths[place]
             if math.isnan(part) or math.isnan(half):
                 continue
-            low, high = sorted((100.0 * (abs(part) - half), 100.0 * (abs(part) + half)))
+            low, high = 100.0 * (abs(part) - half), 100.0 * (abs(part) + half)
             who, first = labels[place], labels[0]
             if low > 0.0:
                 word = "less" if part < 0.0 else "more"

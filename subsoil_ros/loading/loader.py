@@ -30,7 +30,7 @@ from .presets import (
     read_preset,
 )
 from .reference import Reference, read_reference
-from .short_scene import Derived, comes_first, completed, is_short, with_stl_files
+from .short_scene import Derived, comes_first, completed, is_short, with_one_time, with_stl_files
 from .soil_file import check_wedge_soil
 from .validation import CHOICES, validated, value_at
 
@@ -157,6 +157,7 @@ def _complete_short(draft: _Draft) -> None:
     draft.changes = [_soil_in_full(change) for change in draft.changes]
     if not is_short(draft.document, draft.changes):
         return
+    draft.document = with_one_time(draft.document, draft.changes)
     _apply(draft, [change for change in draft.changes if comes_first(change.path)])
     draft.changes = [change for change in draft.changes if not comes_first(change.path)]
     sized = any(map(gives_size, draft.changes)) or value_at(draft.document, SIZE) is not None

@@ -17,13 +17,16 @@ from ..scene.cad_mesh import metres_per_unit, read_cad, refuse_absurd, turned_up
 from ..scene.soil import rupture_distance_m
 from ..scene.tool_shape import ToolShape, tool_shape
 from ..scene.tools import CadKeys, MeshPart, Tool
-from ..yaml_document import Document
+from ..yaml_document import Document, merge
 from .material_file import read_material
 from .overrides import Override
 from .presets import IN_DEPTH, LEAST_ACROSS
-from .validation import validated
+from .validation import validated, value_at
 
 CAD_KEYS = tuple(CadKeys.model_fields)
+TIMES = ("travel_m", "duration_s")
+"""Two ways to give the time of a run."""
+
 START_M = 0.05
 """Way of the foremost point to the soil: the first contact is within the run, at any depth."""
 
@@ -36,6 +39,15 @@ ROUND_M = 0.05
 
 COUPLING: Document = {"communication_step_ns": 500_000, "force": "tick_mean"}
 """A tool on a path is moved by no force, so rows need no soil step each: means over half a millisecond."""
+
+
+TOO_LATE = (
+    "given in an initial condition or preset, from which nothing is derived; give it in the scene itself, or "
+    "there what it stands for"
+)
+
+Fill = Callable[[str, Any, str], None]
+"""Gives a key of the scene its value, for a reason, unless it has one."""
 
 
 class Derived(NamedTuple):
@@ -74,9 +86,15 @@ def is_short(document: Document, changes: Sequence[Override]) -> bool:
 
 
 def comes_first(path: str) -> bool:
-    """Whether an override changes what is derived from: a travel, and tools but for their paths."""
+    """Whether an override changes what is derived from: time, soil, and tools but for their paths."""
     keys = path.split(".")
-    return path == "travel_m" or (keys[0] == "tools" and "path" not in keys[2:3])
+    return path in (*TIMES, "soil.material") or (keys[0] == "tools" and "path" not in keys[2:3])
+
+
+def with_one_time(document: Document, changes: Sequence[Override]) -> Document:
+    """The document without the time that an override replaces by the other way to give one."""
+    given = {change.path for change in changes} & set(TIMES)
+    return {k: v for k, v in document.items() if k not in TIMES or len(given) != 1 or k in given}
 
 
 def _mappings(value: object) -> list[Document]:
@@ -88,8 +106,10 @@ def with_stl_files(document: Document, folder: Path, shown: str) -> Document:
     """The document with STL files in metres in the place of all others; `mesh` of a tool is a group.
 
     Raises:
-        SceneError: a mesh that cannot be used, or a depth or speed of a tool that nothing was derived from.
+        SceneError: a mesh that cannot be used, or a key in short that came too late to derive from.
     """
+    if document.get("travel_m") is not None:
+        raise SceneError(f"{shown}: travel_m: {TOO_LATE}")
     tools = document.get("tools")
     if not isinstance(tools, dict):
         return document
@@ -97,13 +117,9 @@ def with_stl_files(document: Document, folder: Path, shown: str) -> Document:
     for name, tool in tools.items():
         where = f"{shown}: tools.{name}"
         done[name] = _with_files(name, tool, folder, where) if isinstance(tool, dict) else tool
-        keys = tool if isinstance(tool, dict) else {}
-        left = [key for key in ("depth_m", "speed_m_per_s") if keys.get(key) is not None]
-        if left:
-            raise SceneError(
-                f"{where}: {left[0]}: given in an initial condition or preset, from which nothing is "
-                "derived; give it in the scene itself, or a path there"
-            )
+        for key in ("depth_m", "speed_m_per_s"):
+            if value_at(tool, (key,)) is not None:
+                raise SceneError(f"{where}: {key}: {TOO_LATE}")
     return {**document, "tools": done}
 
 
@@ -138,11 +154,16 @@ def completed(
 
     def fill(key: str, value: Any, reason: str) -> None:
         nonlocal document
-        if key not in given and not _has(document, key):
-            document = _with(document, key.split("."), value)
+        keys = key.split(".")
+        if key not in given and value_at(document, keys) is None:
             derived.append(Derived(key, _words(value), reason))
+            for inner in reversed(keys[1:]):
+                value = {inner: value}
+            document = merge(document, {keys[0]: value}, shown)
 
     fill("name", path.stem, "the file's name")
+    if travel is not None and document.get("duration_s") is not None:
+        raise SceneError(f"{shown}: given both travel_m and duration_s; give one of them")
     _fill_time(travel, placed, fill, shown)
     _fill_soil(document, placed, fill, shown)
     for tool in placed:
@@ -223,15 +244,14 @@ def _usable(part: object, folder: Path, where: str, own: bool) -> object:
         return part
     keys = validated(MeshPart, part, where)
     place = f"{where}.mesh: {path}"
-    if not path.is_file():
-        return part  # refused where the mesh is loaded
     mesh, metres = read_cad(path, place)
     if keys.unit is not None and (metres is not None or "scale" in part):
         named = "the file names its unit" if metres is not None else "scale is given too"
         raise SceneError(f"{where}: unit: given, and {named}; leave it out")
     if metres is None:
         metres = 1.0 if "scale" in part else metres_per_unit(mesh, keys.unit, place)
-    refuse_absurd(mesh, metres * keys.scale, place)
+    if own:
+        refuse_absurd(mesh, metres * keys.scale, place)
     rest = {key: value for key, value in part.items() if key not in CAD_KEYS}
     if path.suffix.lower() == ".stl" and keys.up == "z" and not any(keys.rotation_deg):
         return rest if metres == 1.0 else rest | {"scale": metres}
@@ -247,9 +267,6 @@ def _assembled(tool: Tool, folder: Path, where: str) -> tuple[np.ndarray, np.nda
         facets.append(np.asarray(mesh.faces) + count)
         count += len(mesh.vertices)
     return np.concatenate(vertices), np.concatenate(facets)
-
-
-Fill = Callable[[str, Any, str], None]
 
 
 def _fill_time(travel: object, placed: list[_Placed], fill: Fill, shown: str) -> None:
@@ -286,13 +303,19 @@ def _fill_soil(document: Document, placed: list[_Placed], fill: Fill, shown: str
     )
     if material is None or not isinstance(soil, dict):
         return
+    deep = _rounded(DEPTHS_DEEP * depth)
+    window = rupture_distance_m(deep, material.soil.friction_angle_deg)
     size = {
-        "length_m": _rounded(travel + 2.0 + 2.0 * ahead),
+        "length_m": _rounded(travel + 2.0 * window),  # so that it never shows the end
         "width_m": _rounded(2.0 * (max(ends) + DEPTHS_BESIDE * depth)),
-        "depth_m": _rounded(DEPTHS_DEEP * depth),
+        "depth_m": deep,
         "sides": "held",
     }
-    fill("soil.bin", size, "longer than the travel; a depth to each side of the tools, half a depth below")
+    fill(
+        "soil.bin",
+        size,
+        "longer than the travel by two windows; a depth to each side of the tools, half a depth below",
+    )
     fill("soil.window", {}, "soil exists near the tools only: a longer field costs nothing")
     fill("soil.bed", {"seed": 1}, "another seed is another sample of the soil")
     width = min(tool.shape.width_m for tool in placed)
@@ -307,22 +330,6 @@ def _fill_soil(document: Document, placed: list[_Placed], fill: Fill, shown: str
 
 def _rounded(length_m: float) -> float:
     return round(math.ceil(length_m / ROUND_M - 1e-9) * ROUND_M, 6)
-
-
-def _has(document: Document, key: str) -> bool:
-    value: object = document
-    for part in key.split("."):
-        if not isinstance(value, dict) or value.get(part) is None:
-            return False
-        value = value[part]
-    return True
-
-
-def _with(document: Document, keys: Sequence[str], value: object) -> Document:
-    if not keys:
-        return value  # type: ignore[return-value]
-    inner = document.get(keys[0])
-    return {**document, keys[0]: _with(inner if isinstance(inner, dict) else {}, keys[1:], value)}
 
 
 def _words(value: object) -> str:

@@ -129,7 +129,11 @@ def _message(
             return ".".join((*place, "model")), f"given {_given(word)}, allowed are {', '.join(models)}"
         allowed = kinds(annotation)
         if not isinstance(first["input"], dict):
-            return path, f"given {given}; it must be a mapping with 'kind', one of {', '.join(allowed)}"
+            number = "a number, or " if float in members(annotation) else ""
+            return (
+                path,
+                f"given {given}; it must be {number}a mapping with 'kind', one of {', '.join(allowed)}",
+            )
         kind = first["input"].get("kind")
         if kind is None:
             return path, f"'kind' is missing; allowed are {', '.join(allowed)}"

@@ -263,7 +263,7 @@ def _take_part(model, state, work, start, span, select, locating, judged):
         copy(state.multipliers, work.kept)
         return INACCURATE, span, iterations, False, NEAR_EXCESS
     near_count = count_near(model, state, work) if near else 0
-    excess = 1.0 if near else 0.0
+    excess = 1.0 if near else 0.0  # where it is not judged, the next part is no longer than this one
     if judged and near_count < 2:
         excess = step_error(model, state, work, span, method) / model.tolerance
         if not excess <= 1.0:

@@ -4,7 +4,6 @@ import hashlib
 import io
 import math
 import os
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +21,11 @@ FORMATS = (".stl", ".obj", ".3mf", *STEP)
 CHORD_M = 5e-4
 """Largest distance of a facet from the surface of a STEP file: small beside the particles, 5 mm and more."""
 
-SMALLEST_M, LARGEST_M = 0.05, 5.0
-"""Sizes that a tool of its own has; outside of them the unit of a file without one is asked for."""
+SMALLEST_M, LARGEST_M = 0.005, 10.0
+"""Sizes of tools that work soil: smaller and larger ones are probably in another unit."""
+
+LIKELY_M = (0.05, 5.0)
+"""Sizes of whole tools in metres; outside of them the unit of a file without one is asked for."""
 
 
 def size_of(mesh: trimesh.Trimesh) -> str:
@@ -53,11 +55,14 @@ def read_cad(path: Path, where: str) -> tuple[trimesh.Trimesh, float | None]:
         raise SceneError(
             f"{where}: {error.strerror}; give the path of a mesh, seen from the folder of the scene file"
         ) from error
+    if kind == ".stl":
+        _refuse_cut_off(content, where)
     try:
         loaded = trimesh.load_scene(io.BytesIO(content), file_type=kind[1:], **more)
         mesh = loaded.to_mesh()
     except Exception as error:  # trimesh raises whatever its parsers meet
-        raise SceneError(f"{where}: cannot be read as {kind[1:].upper()}: {_words(error)}") from error
+        words = " ".join(str(error).split())
+        raise SceneError(f"{where}: cannot be read as {kind[1:].upper()}: {words}") from error
     if len(mesh.faces) == 0:
         raise SceneError(f"{where}: holds no facets; it is empty or no {kind[1:].upper()} file")
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
@@ -76,9 +81,10 @@ def metres_per_unit(mesh: trimesh.Trimesh, unit: MeshUnit | None, where: str) ->
     if unit is not None:
         return METRES[unit]
     size = float(np.ptp(mesh.vertices, axis=0).max())
-    if SMALLEST_M <= size <= LARGEST_M:
+    low, high = LIKELY_M
+    if low <= size <= high:
         return 1.0
-    likely = [name for name, metres in METRES.items() if SMALLEST_M <= size * metres <= LARGEST_M]
+    likely = [name for name, metres in METRES.items() if low <= size * metres <= high]
     sizes = ", ".join(f"unit: {name} for {size * METRES[name]:.3g} m" for name in likely or METRES)
     raise SceneError(
         f"{where}: is {size_of(mesh)} large, and the file names no unit; in metres no tool is of that size. "
@@ -89,10 +95,10 @@ def metres_per_unit(mesh: trimesh.Trimesh, unit: MeshUnit | None, where: str) ->
 def refuse_absurd(mesh: trimesh.Trimesh, metres: float, where: str) -> None:
     """Raise SceneError for a size that no tool has, in the unit that is named."""
     size = metres * float(np.ptp(mesh.vertices, axis=0).max())
-    if not SMALLEST_M / 10.0 <= size <= 2.0 * LARGEST_M:
+    if not SMALLEST_M <= size <= LARGEST_M:
         raise SceneError(
-            f"{where}: is {size:.3g} m large, and no tool is below {SMALLEST_M / 10.0:g} m or above "
-            f"{2.0 * LARGEST_M:g} m; correct its unit: in the file, or by 'unit'"
+            f"{where}: is {size:.3g} m large, and no tool is below {SMALLEST_M:g} m or above "
+            f"{LARGEST_M:g} m; correct its unit: in the file, or by 'unit'"
         )
 
 
@@ -120,9 +126,9 @@ def write_stl(vertices_m: np.ndarray, faces: np.ndarray, name: str) -> Path:
     try:
         folder.mkdir(exist_ok=True)
         if not path.is_file():
-            with tempfile.NamedTemporaryFile(dir=folder, delete=False) as part:
-                part.write(content)
-            os.replace(part.name, path)
+            part = folder / f"{path.name}.{os.getpid()}"
+            part.write_bytes(content)
+            os.replace(part, path)
     except OSError as error:
         raise SceneError(
             f"{path}: cannot be written ({error.strerror}); set XDG_CACHE_HOME to a folder that can, or "
@@ -131,5 +137,14 @@ def write_stl(vertices_m: np.ndarray, faces: np.ndarray, name: str) -> Path:
     return path
 
 
-def _words(error: Exception) -> str:
-    return " ".join(str(error).split())
+def _refuse_cut_off(content: bytes, where: str) -> None:
+    """Raise SceneError for an STL file that ends before its last facet."""
+    is_text = content.lstrip().startswith(b"solid") and b"facet" in content[:1000]
+    missing = ""
+    if is_text and b"endsolid" not in content:
+        missing = "it has no 'endsolid'"
+    elif not is_text and len(content) >= 84:
+        count, held = int.from_bytes(content[80:84], "little"), (len(content) - 84) // 50
+        missing = f"{held} of its {count} facets are there" if held < count else ""
+    if missing:
+        raise SceneError(f"{where}: is cut off: {missing}; copy or export it again")

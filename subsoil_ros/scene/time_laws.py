@@ -97,21 +97,20 @@ else:
 def _kind(law: object) -> object:
     if isinstance(law, dict):
         return law.get("kind")
-    return (
-        "number" if isinstance(law, int | float) and not isinstance(law, bool) else getattr(law, "kind", None)
-    )
+    is_number = isinstance(law, int | float) and not isinstance(law, bool)
+    return "number" if is_number else getattr(law, "kind", None)
 
 
-SimpleLaw = Annotated[
+_Simple = (
     Annotated[Number, Tag("number")]
     | Annotated[ConstantLaw, Tag("constant")]
     | Annotated[RampLaw, Tag("ramp")]
     | Annotated[SineLaw, Tag("sine")]
     | Annotated[HalfSineLaw, Tag("half_sine")]
     | Annotated[PolynomialLaw, Tag("polynomial")]
-    | Annotated[TableLaw, Tag("table")],
-    Discriminator(_kind),
-]
+    | Annotated[TableLaw, Tag("table")]
+)
+SimpleLaw = Annotated[_Simple, Discriminator(_kind)]
 
 
 class SumLaw(StrictModel):
@@ -121,15 +120,5 @@ class SumLaw(StrictModel):
     terms: tuple[SimpleLaw, ...] = Field(min_length=1)
 
 
-Law = Annotated[
-    Annotated[Number, Tag("number")]
-    | Annotated[ConstantLaw, Tag("constant")]
-    | Annotated[RampLaw, Tag("ramp")]
-    | Annotated[SineLaw, Tag("sine")]
-    | Annotated[HalfSineLaw, Tag("half_sine")]
-    | Annotated[PolynomialLaw, Tag("polynomial")]
-    | Annotated[TableLaw, Tag("table")]
-    | Annotated[SumLaw, Tag("sum")],
-    Discriminator(_kind),
-]
+Law = Annotated[_Simple | Annotated[SumLaw, Tag("sum")], Discriminator(_kind)]
 """A function of time, or a number for a constant one."""

@@ -1,6 +1,5 @@
 """Tool meshes: STL files, checked, placed in the frame of the body that carries them; their mass."""
 
-import io
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from ..errors import SceneError
 from ..messages import SpatialMotion, ToolMotion
 from ..rotations import placed_m
+from .cad_mesh import read_cad
 from .scene import Scene
 from .tools import MeshPart
 
@@ -90,7 +90,7 @@ def _checked(directory: Path, part: MeshPart, place: str) -> trimesh.Trimesh:
     """The mesh of one group, equal vertices merged, in file units."""
     path = directory / part.mesh
     where = f"{place}.mesh: {path}"
-    mesh = _read(path, where)
+    mesh, _ = read_cad(path, where)
     if not np.isfinite(mesh.vertices).all():
         raise SceneError(f"{where}: has coordinates that are not finite; export it again")
     size = float(np.max(np.ptp(mesh.vertices, axis=0)))
@@ -119,35 +119,6 @@ def _checked(directory: Path, part: MeshPart, place: str) -> trimesh.Trimesh:
             "example by trimesh's fix_normals()"
         )
     return mesh
-
-
-def _read(path: Path, where: str) -> trimesh.Trimesh:
-    if path.suffix.lower() != ".stl":
-        raise SceneError(f"{where}: given a '{path.suffix}' file, allowed are .stl files")
-    try:
-        content = path.read_bytes()
-        _refuse_cut_off(content, where)
-        mesh = trimesh.load_mesh(io.BytesIO(content), file_type="stl", process=True)
-    except SceneError:
-        raise
-    except Exception as error:  # trimesh raises whatever its parsers meet
-        raise SceneError(f"{where}: cannot be read as STL: {' '.join(str(error).split())}") from error
-    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
-        raise SceneError(f"{where}: holds no facets; it is empty or no STL file")
-    return mesh
-
-
-def _refuse_cut_off(content: bytes, where: str) -> None:
-    """Raise SceneError for an STL file that ends before its last facet."""
-    is_text = content.lstrip().startswith(b"solid") and b"facet" in content[:1000]
-    missing = ""
-    if is_text and b"endsolid" not in content:
-        missing = "it has no 'endsolid'"
-    elif not is_text and len(content) >= 84:
-        count, held = int.from_bytes(content[80:84], "little"), (len(content) - 84) // 50
-        missing = f"{held} of its {count} facets are there" if held < count else ""
-    if missing:
-        raise SceneError(f"{where}: is cut off: {missing}; copy or export it again")
 
 
 def _part_of_facets(facets: NDArray[Any]) -> NDArray[np.int32]:

@@ -46,9 +46,7 @@ def simulate(args: argparse.Namespace) -> int:
 def _usual_folder(scene: Path) -> Path:
     """runs/SCENE-TIME; a file scene.yaml is called as its folder."""
     name = scene.resolve().parent.name if scene.stem == "scene" else scene.stem
-    out = Path("runs") / f"{name}-{time.strftime('%Y%m%d-%H%M%S')}"
-    print(f"results: {out}")
-    return out
+    return Path("runs") / f"{name}-{time.strftime('%Y%m%d-%H%M%S')}"
 
 
 def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
@@ -70,6 +68,8 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
     )
     out = Path(args.out) if args.out is not None else _usual_folder(resolved.path)
     frame = open_run(settings, out, args.resume, shown=args.scene, bed_progress=bed_progress)
+    if args.out is None:
+        print(f"results: {frame.out}")
     say_opened(frame)
     say_where(live)
     bar = RunProgress(resolved.scene.name, resolved.timing)

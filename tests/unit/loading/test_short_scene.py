@@ -72,7 +72,7 @@ def test_what_six_lines_make(load: Load) -> None:
     assert 0.04 + 2 * 0.2 <= soil.bin.width_m <= 0.04 + 2 * 0.2 + 0.05
     ahead = rupture_distance_m(0.2, 32.0)
     assert ahead <= scene.report.window_inside_m <= ahead + 0.01
-    assert soil.bin.length_m > 3.0 + ahead + soil.window.ahead_m
+    assert soil.bin.length_m >= 3.0 + ahead + soil.window.ahead_m
     assert found.preset == "standard"
     assert {item.key for item in found.derived} >= {"duration_s", "soil.bin", "tools.tine.path", "preset"}
     assert all(item.reason for item in found.derived)
@@ -98,11 +98,32 @@ def test_given_values_stay(load: Load) -> None:
     assert soil is not None
     assert found.material is not None
     assert found.material.soil.name == "clay loam"
+    assert load(soil="clay_loam").scene.report.window_inside_m > load().scene.report.window_inside_m
     assert found.preset is None
     assert soil.particles.mean_volume_radius_m == pytest.approx(0.012, rel=0.05)
     assert (soil.bin.width_m, soil.bin.depth_m) == (1.0, pytest.approx(0.45))
     assert found.scene.duration_s == 2.0
     assert found.scene.report.window_inside_m == 0.2
+
+
+def test_the_field_is_as_long_as_the_run(load: Load) -> None:
+    """Whether travel or duration is given, by the file or an override, of which the last counts."""
+    for changes in ({"duration_s": 20.0}, {"travel_m": 10.0}):
+        scene = load(**changes).scene
+        assert scene.duration_s == 20.0
+        assert scene.soil is not None
+        assert scene.soil.bin.length_m > 10.5
+    with pytest.raises(SceneError, match="both travel_m and duration_s; give one"):
+        load(duration_s=20.0, travel_m=10.0)
+
+
+def test_nothing_in_short_is_left_out(tmp_path: Path) -> None:
+    """A preset is laid over a scene after all is derived."""
+    scenes = Path(__file__).parents[3] / "config/scenes"
+    presets = "preset: longer\npresets: {longer: {changes: {travel_m: 7}}}\n"
+    (tmp_path / "longer.yaml").write_text(f"base: {scenes / 'field_tine.yaml'}\n{presets}")
+    with pytest.raises(SceneError, match="travel_m: given in an initial condition or preset"):
+        load_scene(tmp_path / "longer.yaml")
 
 
 @pytest.mark.parametrize("preset", ["fine", "coarse"])

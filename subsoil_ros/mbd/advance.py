@@ -28,6 +28,7 @@ from .machine_arrays import (
     INACCURATE,
     NEAR_COUNT,
     NOT_CLOSED,
+    NOT_FINITE,
     OK,
     PART_COUNT,
     PARTITION_COUNT,
@@ -251,15 +252,16 @@ def _take_part(model, state, work, start, span, select, locating, judged):
 
     Returns (status, span taken, most position iterations of a stage, whether a force has switched, its error
     over the tolerance). INACCURATE: the step is `judged` and its error too large, or it is too long for a
-    singular pose; the state is unchanged.
+    singular pose or to close the joints at its end; the state is unchanged.
     """
     whole = span > (1.0 - BREAKPOINT_MARGIN) * model.step
     method = _method(model, state, whole)
     copy(work.kept, state.multipliers)
     status, iterations, near = _reach(model, state, work, start, span, select, method)
-    if status != OK:
+    missed = status in (NOT_CLOSED, NOT_FINITE) and span > 1.5 * model.step / 2.0**MOST_HALVINGS
+    if status != OK and not (missed and judged):
         return status, span, iterations, False, 0.0
-    if near and judged and span > NEAR_PART * model.step:
+    if judged and (missed or (near and span > NEAR_PART * model.step)):
         copy(state.multipliers, work.kept)
         return INACCURATE, span, iterations, False, NEAR_EXCESS
     near_count = count_near(model, state, work) if near else 0

@@ -8,7 +8,7 @@ import tempfile
 from pathlib import Path
 
 from ..errors import InputError
-from ..loading.files import config_folder, template_names
+from ..loading.files import config_folder, shipped_names
 
 SCHEMA = "scene.schema.json"
 _MESH = re.compile(r"\bmeshes/([\w.-]+\.stl)")
@@ -36,7 +36,9 @@ def run(args: argparse.Namespace) -> int:
     config = config_folder()
     template = config / "templates" / f"{args.template}.yaml"
     if not template.is_file():
-        raise InputError(f"--template: given '{args.template}', allowed are {', '.join(template_names())}")
+        raise InputError(
+            f"--template: given '{args.template}', allowed are {', '.join(shipped_names('templates'))}"
+        )
     text = template.read_text(encoding="utf-8").replace("NAME", folder.name)
     if folder.exists():
         raise InputError(f"{folder}: exists already; nothing is written over, give another name")

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 SMALLEST_PIXELS, LARGEST_PIXELS = 64, 7680
 """Smallest and largest side of a picture: a thumbnail; 8K, within the limits of H.264."""
 
+STRIP = 0.3
+"""Part of a film's height for the draft under it."""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("record", type=Path, help=RECORD_HELP)
@@ -49,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         nargs=2,
         metavar=("LOW", "HIGH"),
-        help="of the colours (default: 0 to 0.2 m/s, 0 to 5 particle diameters in m, or 0 to 1)",
+        help="of the colours (default: 0 to the speed of the tools, 0 to 5 particle diameters, 0 to 1)",
     )
     parser.add_argument(
         "--size",
@@ -62,6 +65,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--film", type=Path, metavar="FILE", help="write the moments as FILE, .mp4 or .gif")
     parser.add_argument(
         "--fps", type=float, metavar="N", help="pictures a second of a film (default: real time)"
+    )
+    parser.add_argument(
+        "--draft", action="store_true", help="draw the draft up to each moment under a film's pictures"
     )
     parser.add_argument(
         "--vtk", type=Path, metavar="FOLDER", help="write all moments as .vtp files into a new FOLDER"
@@ -107,6 +113,8 @@ def _check(args: argparse.Namespace) -> None:
         raise InputError(f"--fps: given {args.fps:g}, allowed is more than 0, up to 240")
     if args.fps is not None and args.film is None:
         raise InputError("--fps: is of a film; give --film FILE as well")
+    if args.draft and args.film is None:
+        raise InputError("--draft: is of a film; give --film FILE as well")
     if args.film is not None and args.at is not None and (len(args.at) != 2 or args.at[0] >= args.at[1]):
         given = " ".join(f"{time:g}" for time in args.at)
         raise InputError(f"--at: given {given}, a film needs its first and its last time, or no --at for all")
@@ -119,12 +127,16 @@ def _check(args: argparse.Namespace) -> None:
 
 
 def _draw(args: argparse.Namespace, recorded: RecordedRun, frames: Snapshots) -> None:
+    from ..analysis.series import read_series
+    from ..figures.draft_strip import DraftStrip
     from ..figures.renderer import Renderer, Style, default_limits, save_film, save_pictures
     from .progress import counted
 
     given = args.limits
     limits = (given[0], given[1]) if given is not None else default_limits(recorded.resolved, args.colour)
-    style = Style(args.colour, limits, (args.size[0], args.size[1]))
+    width, height = args.size
+    strip_height = round(STRIP * height / 2) * 2 if args.draft else 0
+    style = Style(args.colour, limits, (width, height - strip_height))
     renderer = Renderer(recorded.resolved, style)
     if args.film is not None:
         first, last = (
@@ -132,7 +144,11 @@ def _draw(args: argparse.Namespace, recorded: RecordedRun, frames: Snapshots) ->
         )
         shown = [time_ns for time_ns in frames.times_ns if first <= time_ns <= last]
         with counted("drawing", len(shown)) as done:
-            rate = save_film(frames, renderer, shown, args.view or VIEWS[0], args.film, args.fps, done)
+            strip = None
+            if args.draft:
+                series = read_series(recorded.bag, recorded.resolved.scene)
+                strip = DraftStrip(series, (width, strip_height), first * 1e-9, last * 1e-9)
+            rate = save_film(frames, renderer, shown, args.view or VIEWS[0], args.film, args.fps, done, strip)
         print(f"{args.film}: {len(shown)} pictures, {rate:g} a second")
         return
     middle_s = 0.5e-9 * (frames.times_ns[0] + frames.times_ns[-1])

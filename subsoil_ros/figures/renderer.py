@@ -15,8 +15,11 @@ import pyvista
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..limits.soil_at_work import speed_and_depth
 from ..loading.loader import ResolvedScene
 from ..recording.soil_clouds import soil_span_m
+from ..scene.tool_mesh import load_tool_mesh
+from .draft_strip import DraftStrip
 from .machine_shapes import COLOURS, Segments, Shapes, Surface
 from .snapshots import Frame, Snapshots
 from .soil_cut import SPEED_SCALE_M_PER_S
@@ -42,12 +45,18 @@ class Style:
 
 
 def default_limits(resolved: ResolvedScene, colour: str) -> tuple[float, float]:
-    """Colour limits: the paper's for speed [m/s]; some diameters for displacement [m]; 0 to 1 for bonds."""
+    """Colour limits: speed up to that of the tools [m/s]; displacement up to some diameters [m]; part of the
+    bonds from 0 to 1."""
     soil = resolved.scene.particle_soil
     if colour == "broken":
         return 0.0, 1.0
     if colour == "speed" or soil is None:
-        return SPEED_SCALE_M_PER_S
+        speeds = [
+            speed_and_depth(resolved.scene, name, load_tool_mesh(resolved.directory, resolved.scene, name))[0]
+            for name, tool in resolved.scene.tools.items()
+            if tool.is_tillage
+        ]
+        return 0.0, max(speeds, default=0.0) or SPEED_SCALE_M_PER_S[1]
     return 0.0, DISPLACEMENT_SCALE_DIAMETERS * 2.0 * soil.particles.mean_volume_radius_m
 
 
@@ -81,13 +90,11 @@ class Renderer:
         _add_lines(plotter, self._shapes.skeleton(frame), "body", _TUBE_M)
         _add_lines(plotter, self._shapes.wheels(frame), "body", 0.5 * _TUBE_M)
         _add_lines(plotter, self._shapes.springs(frame), "spring", 1.5 * _TUBE_M)
-        bounds = self._bounds(frame)
-        plotter.add_mesh(pyvista.Box(bounds).outline(), color=COLOURS["soil"], line_width=2)
         plotter.add_text(
             f"{self._resolved.scene.name}   t = {frame.time_s:.3f} s", position="upper_left",
             font_size=self._font_size(10), color="black",
         )  # fmt: skip
-        self._aim(plotter, view, bounds)
+        self._aim(plotter, view, self._bounds(frame))
 
     def _add_particles(self, plotter: pyvista.Plotter, frame: Frame, keep: NDArray[np.bool_]) -> None:
         cloud = pyvista.PolyData(frame.positions_m[keep])
@@ -214,11 +221,13 @@ def save_film(
     path: Path,
     rate_hz: float | None,
     done: Callable[[], None],
+    strip: DraftStrip | None = None,
 ) -> float:
     """Write the moments at `times_ns` as MP4 (H.264) or GIF, by the ending of `path`; return pictures per
     second.
 
-    rate_hz: None: as many as moments per simulated second, so that the film runs in real time.
+    rate_hz: None: as many as moments per simulated second, so that the film runs in real time. strip: drawn
+    under each picture.
 
     Raises:
         InputError: the ending of the path is not .mp4 or .gif.
@@ -227,7 +236,8 @@ def save_film(
     part = path.with_name(f".{path.name}.part{path.suffix}")
     with _film_writer(part, rate) as append:
         for frame in frames.read(times_ns):
-            append(renderer.draw(frame, view))
+            picture = renderer.draw(frame, view)
+            append(picture if strip is None else np.concatenate([picture, strip.draw(frame.time_s)]))
             done()
     part.replace(path)
     return rate

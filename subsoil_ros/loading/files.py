@@ -87,9 +87,9 @@ def shipped_soil(path: Path) -> Path:
     return _shipped(path, "soils")
 
 
-def material_names() -> list[str]:
-    """Names of the shipped materials."""
-    return sorted(path.stem for path in (config_folder() / "materials").glob("*.yaml"))
+def shipped_names(kind: str) -> list[str]:
+    """Names of the shipped scenes, materials, templates etc.: the folder of `config` that holds them."""
+    return sorted(path.stem for path in (config_folder() / kind).glob("*.yaml"))
 
 
 def _shipped(path: Path, kind: str) -> Path:
@@ -100,8 +100,3 @@ def _shipped(path: Path, kind: str) -> Path:
     except InputError:
         return path
     return found if os.path.isfile(found) else path
-
-
-def template_names() -> list[str]:
-    """Names of the scenes that `subsoil new` writes."""
-    return sorted(path.stem for path in (config_folder() / "templates").glob("*.yaml"))

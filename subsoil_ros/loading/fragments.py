@@ -11,7 +11,7 @@ from pathlib import Path
 
 from ..errors import SceneError
 from ..yaml_document import Document, merge, plain_value, read_document
-from .files import with_absolute_files
+from .files import shipped_names, with_absolute_files
 from .overrides import Override
 from .validation import suggestion
 
@@ -26,6 +26,9 @@ def with_base(path: Path, shown: str, above: tuple[Path, ...], given: Document |
     resolved = path.resolve()
     if resolved in above:
         raise SceneError(f"{shown}: base: the files name each other as base; remove one 'base'")
+    if given is None and not path.suffix and path.parent == Path() and not path.exists():
+        near = suggestion(path.name, shipped_names("scenes"))
+        raise SceneError(f"{shown}: no such file, and no scene that is shipped; {near}")
     document = read_document(path, shown) if given is None else plain_value(given, shown)
     assert isinstance(document, dict)
     document = _soil_by_name(document)

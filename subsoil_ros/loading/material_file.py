@@ -10,7 +10,7 @@ from ..scene.material import VERSION, LaboratorySoil, Material
 from ..scene.soil import Soil, rupture_distance_m
 from ..strict_model import LARGEST
 from ..yaml_document import Document, dump_yaml, merge, read_document
-from .files import material_names
+from .files import shipped_names
 from .overrides import Override
 from .validation import suggestion, validated, value_at
 
@@ -26,9 +26,8 @@ def read_laboratory_soil(path: Path) -> LaboratorySoil:
 def read_material(path: Path, place: str) -> Material:
     """Read a material. Raises SceneError for a file that is missing, no material, or of another version."""
     if not os.path.isfile(path) and not path.suffix:
-        raise SceneError(
-            f"{place}: no file, and no soil that is shipped: {suggestion(path.name, material_names())}"
-        )
+        near = suggestion(path.name, shipped_names("materials"))
+        raise SceneError(f"{place}: no file, and no soil that is shipped: {near}")
     shown = f"{place}: {path}"
     document = read_document(path, shown)
     if document.get("version") != VERSION:

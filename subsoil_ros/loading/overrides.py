@@ -21,7 +21,8 @@ class Override:
     @property
     def source(self) -> str:
         """Name of the override in errors."""
-        return f"{self.given_by} {self.path}"
+        by_flag = self.path == "preset" and self.given_by == "--set"
+        return "--preset" if by_flag else f"{self.given_by} {self.path}"
 
 
 def parse_overrides(texts: Sequence[str]) -> list[Override]:
@@ -82,8 +83,10 @@ def _split(document: Document, override: Override) -> list[str]:
         named_numbers = model is None and not any(map(is_model, members(item)))
         key = ".".join(rest) if named_numbers else rest[0]  # initial.coordinates has dots in its names
         known = known_keys(annotation, value)
-        if keys == ["soil"] and rest == ["material"]:  # of the loader
-            return [*keys, *rest]
+        if keys == ["soil"]:
+            known.append("material")  # of the loader
+            if rest == ["material"]:
+                return [*keys, *rest]
         new_part = model is None and rest == [key] and isinstance(override.value, dict)  # a whole one
         if key not in known and not named_numbers and not new_part:
             raise SceneError(

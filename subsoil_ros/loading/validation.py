@@ -179,7 +179,8 @@ def _given(value: object) -> str:
     if isinstance(value, str):
         return f"the text '{value[:60]}'"
     if isinstance(value, dict):
-        return "a mapping of keys"
+        keys = ", ".join(f"{key}: {item}" for key, item in value.items())
+        return f"the mapping {{{keys[:60]}}}"
     if isinstance(value, list):
         return f"a list of {len(value)}"
     return str(value)[:60]

@@ -173,7 +173,7 @@ def test_a_run_that_records_nothing_has_no_series() -> None:
         ("tine", {"duration_s": float("nan")}, r"^overrides: duration_s: given nan"),
         ("tine", {"soil..seed": 3}, r"^overrides: given the key 'soil\.\.seed'; it must be KEY\.KEY"),
         ("tine", {"preset": "best"}, r"^overrides: preset: no preset 'best'"),
-        ("tinne", {}, r"^tinne: no such file"),
+        ("tinne", {}, r"^tinne: no such file.*did you mean 'tine'"),
         ({"name": "x", "duration_z": 1.0}, {}, r"scene: duration_z: unknown key"),
         (3, {}, r"^scene: given a int; give the name"),
     ],

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from subsoil_ros.cli.main import main
-from subsoil_ros.loading.files import config_folder, template_names
+from subsoil_ros.loading.files import config_folder, shipped_names
 from subsoil_ros.loading.loader import load_scene
 
 
@@ -24,7 +24,7 @@ def subsoil(
     return run
 
 
-@pytest.mark.parametrize("template", template_names())
+@pytest.mark.parametrize("template", shipped_names("templates"))
 def test_new_scene_is_sound(template, subsoil, tmp_path):
     """Every template gives a folder of its own whose scene is sound as it is, and says how to run it."""
     status, out, err = subsoil("new", "my_scene", "--template", template)
@@ -40,7 +40,10 @@ def test_new_scene_is_sound(template, subsoil, tmp_path):
 
 @pytest.mark.parametrize(
     "template",
-    [name if name == "wedge" else pytest.param(name, marks=pytest.mark.full) for name in template_names()],
+    [
+        name if name == "wedge" else pytest.param(name, marks=pytest.mark.full)
+        for name in shipped_names("templates")
+    ],
 )
 def test_new_scene_runs(template, subsoil, tmp_path):
     """It runs, too; particles need kernels that no other test does."""

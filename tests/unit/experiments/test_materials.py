@@ -16,7 +16,7 @@ from subsoil_ros.dem.packing.bed_geometry import sample_edge_m
 from subsoil_ros.errors import InputError, SceneError
 from subsoil_ros.experiments import laboratory_fit as calibration
 from subsoil_ros.experiments.particle_forms import FORMS
-from subsoil_ros.loading.files import config_folder, material_names
+from subsoil_ros.loading.files import config_folder, shipped_names
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.loading.material_file import is_of, read_laboratory_soil, read_material, write_material
 from subsoil_ros.scene.material import LaboratorySoil
@@ -64,7 +64,7 @@ def test_a_material_is_its_particles_bed_and_law():
     )
 
 
-@pytest.mark.parametrize("name", material_names())
+@pytest.mark.parametrize("name", shipped_names("materials"))
 def test_shipped_materials_meet_their_soils(name):
     """Within what the calibration promises; each has the shipped soil that it was fitted to."""
     material = read_material(config_folder() / "materials" / f"{name}.yaml", name)

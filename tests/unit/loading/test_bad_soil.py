@@ -52,6 +52,7 @@ def refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Callable[...,
         (["soil.monitors.rms_spin=3"], ["no key 'rms_spin' in soil.monitors"]),
         (["soil.max_lost_particles=-1"], ["soil.max_lost_particles", "given -1"]),
         (["soil.time_step_s=1e-4"], ["above the stable limit", "add allow: [unstable_time_step]"]),
+        (["soil.materal=loam"], ["--set soil.materal", "did you mean 'material'?"]),
         (["allow=[unstable_step]"], ["allow.0", "did you mean 'unstable_time_step'?", "--set allow"]),
         (["allow=unstable_time_step"], ["allow: given the text", "must be a list"]),
         (

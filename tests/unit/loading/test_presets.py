@@ -83,7 +83,7 @@ def test_presets_of_the_base(scene_file: Path) -> None:
 @pytest.mark.parametrize(
     ("override", "old", "new", "words"),
     [
-        ("preset=coarser", "", "", ["--set preset: no preset 'coarser'", "did you mean 'coarse'"]),
+        ("preset=coarser", "", "", ["--preset: no preset 'coarser'", "did you mean 'coarse'"]),
         ("presets.fine=1", "", "", ["'presets' cannot be set", "preset=NAME"]),
         ("name=x", "presets:", "initial_conditions:", ["initial_condition: is missing"]),
         ("name=x", "fine: {changes", "fine: {changed", ["presets.fine: changed: unknown key", "'changes'"]),

@@ -36,7 +36,7 @@ def test_odd_names_are_refused_or_can_be_used_everywhere() -> None:
         ({"coupling.communication_step_ns": 10**15}, "would take more than 1,000,000 soil steps of"),
         ({"coupling.communication_step_ns": 10**40}, "communication_step_ns: given 1000000"),
         ({"soil.bin.length_m": 1e4}, "particles of radius 0.01 m, allowed are 100,000,000"),
-        ({"soil.bed.kind": {"kind": 1}}, "soil.bed.kind: given a mapping of keys, allowed are grid"),
+        ({"soil.bed.kind": {"kind": 1}}, "soil.bed.kind: given the mapping {kind: 1}, allowed are grid"),
     ],
     ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
 )

@@ -380,9 +380,11 @@ def _folded(summary: Summary) -> str:
 
 def _stationarity(summary: Summary) -> str:
     draft = summary.series.get(DRAFT)
-    if draft is None or draft.stationarity is None:
+    if draft is None:
         return ""
     steady = draft.stationarity
+    if steady is None:
+        return f"WARNING: draft: {_text(draft.mean, '.0f')} N; the window is too short for an interval"
     warning = "" if steady.verdict == "no drift seen" else "WARNING: "
     words = f"{warning}draft: {_text(draft.mean, '.0f')}"
     if steady.mean_half_width is not None:

@@ -7,7 +7,6 @@ from collections.abc import Iterable
 from dataclasses import astuple, dataclass
 from pathlib import Path
 
-import numpy as np
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -179,10 +178,10 @@ def _soil_words(scene: Scene) -> str:
 
 
 def _rounded(value: float | None) -> str:
-    """Four digits, without an exponent."""
+    """Four digits or more."""
     if value is None:
         return ""
-    return np.format_float_positional(value, precision=4, unique=False, fractional=False, trim="-")
+    return f"{value:.0f}" if abs(value) >= 1e3 else f"{value:.4g}"
 
 
 HEADINGS = ("quantity", "unit", "ours", "reference", "band", "difference", "agrees", "source")

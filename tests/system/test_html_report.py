@@ -91,6 +91,7 @@ def test_page_holds_everything(reported):
     for row in results_of(Summary.model_validate(summary), load_scene(reported / "scene.yaml").scene):
         assert all(cell in results for cell in row.cells())
     assert f"power {summary['loads']['power']['draft_watt']['mean']:.0f} W" in results
+    assert "loam" in page.sections["top"]
     assert "particle radius" in page.sections["top"]
     assert "soil: [WARN] [1.0] [soil]: 1 particle lost" in page.sections["warnings"]
     assert 'a "note" <i>' in page.sections["warnings"]

@@ -291,7 +291,7 @@ def summary_facts(summary: Summary) -> list[str]:
         f"{_text(energy.residual_ratio, '.3g', 100.0)} % of the work done there",
     ]
     lines += _mechanism_lines(summary)
-    lines += load_lines(summary)
+    lines += _load_lines(summary)
     if particles.lost_count:
         named = "; ".join(
             f"particle {lost.identity} at ({', '.join(f'{x:.3f}' for x in lost.position_m)}) m, "
@@ -351,7 +351,7 @@ def _mechanism_lines(summary: Summary) -> list[str]:
     return [f"mechanism: balance of energy open by {largest:.3g} J at most{parts}"]
 
 
-def load_lines(summary: Summary) -> list[str]:
+def _load_lines(summary: Summary) -> list[str]:
     """Lines of the quantities that the run has."""
     lines = (
         _folded(summary),

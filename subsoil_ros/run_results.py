@@ -4,7 +4,7 @@ import csv
 import difflib
 import sys
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 
 from rich.console import Console
@@ -13,17 +13,21 @@ from rich.table import Table
 
 from .analysis.columns import (
     DRAFT,
-    DRAFT_OF_SHARES,
-    DRAFT_OF_WHEELS,
     MECHANISM,
     Body,
-    draft_of_tool,
+    PlanarTool,
+    Wrench,
+    draft_parts,
     spring_element,
 )
 from .analysis.spectra import SLOWEST, Spectrum
-from .analysis.summary import KnownMean, Number, Summary, flattened
+from .analysis.summary import KnownMean, Number, Summary, flattened, path_of
+from .limits.soil_at_work import speed_and_depth
+from .loading.loader import ResolvedScene
 from .loading.reference import Reference, ReferenceValue
 from .scene.scene import Scene
+from .scene.tool_mesh import load_tool_mesh
+from .units import unit_of_path
 from .yaml_document import Document
 
 _CARRIERS = {
@@ -92,9 +96,7 @@ def _lines(scene: Scene, summary: Summary) -> list[tuple[str, str, float, int]]:
     shank, spring = scene.report.shank, scene.report.spring
     lines: list[tuple[str, str, float, int]] = [
         ("draft [N]", DRAFT, 1.0, 1),
-        *((("  of it tillage tools [N]", DRAFT_OF_SHARES, 1.0, 1),) if scene.mechanism is not None else ()),
-        *((f"    of it {tool} [N]", draft_of_tool(tool), 1.0, 1) for tool in scene.tools),
-        ("  of it wheels [N]", DRAFT_OF_WHEELS, 1.0, 1),
+        *((f"  {words} [N]", name, 1.0, 1) for name, words in draft_parts(scene).items()),
         ("spring force, compression + [N]", spring_element(spring).load, 1.0, 1),
         ("share angle [rad]", Body(shank).angle_rad, 1.0, 4),
         ("shank centre of mass, height [mm]", Body(shank).z_m, 1e3, 2),
@@ -102,7 +104,88 @@ def _lines(scene: Scene, summary: Summary) -> list[tuple[str, str, float, int]]:
     return [line for line in lines if line[1] in summary.series]
 
 
+@dataclass(frozen=True)
+class Result:
+    """One result over the metrics window."""
+
+    quantity: str
+    value: float
+    half_width: float | None  # of the 95 % interval; None where there is none
+    unit: str
+
+    def cells(self) -> list[str]:
+        """Texts of the row: quantity, value, half-width, unit."""
+        return [self.quantity, _rounded(self.value), _rounded(self.half_width), self.unit]
+
+
+def results_of(summary: Summary, scene: Scene) -> list[Result]:
+    """The results that a run has; forces and moments are those of the soil on a tillage tool."""
+    tools = [name for name, tool in scene.tools.items() if tool.is_tillage]
+    columns = {"draft": DRAFT}
+    for name in tools:
+        load, of = Wrench(name), f" on {name}" if len(tools) > 1 else ""
+        columns[f"vertical force{of}, up +"] = load.force_z_newton
+        columns[f"side force{of}, to the left +"] = load.force_y_newton
+        columns[f"moment{of} about y"] = load.torque_y_newton_m
+    columns["spring force, compression +"] = spring_element(scene.report.spring).load
+    rows = {
+        words: (path_of(column, "mean"), path_of(column, "stationarity", "mean_half_width"))
+        for words, column in columns.items()
+    }
+    rows["mean power"] = ("loads.power.draft_watt.mean", "")
+    rows["energy per loosened volume"] = ("loads.specific.energy_joule_per_m3", "")
+    rows["loosened section"] = ("disturbance.area_m2", "disturbance.area_half_width_m2")
+    found = flattened(summary.document())
+    return [
+        Result(words, found[path], found.get(width), unit_of_path(path))
+        for words, (path, width) in rows.items()
+        if found.get(path) is not None
+    ]
+
+
+def write_results_csv(results: Iterable[Result], path: Path) -> None:
+    """One line for each result, numbers with all their digits."""
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(RESULT_HEADINGS)
+        writer.writerows(astuple(result) for result in results)
+
+
+def heading_rows(summary: Summary, resolved: ResolvedScene) -> list[tuple[str, str]]:
+    """Soil, depth and mean speed of the first tillage tool, and radius of the particles."""
+    scene, particles = resolved.scene, resolved.scene.particle_soil
+    rows = [] if scene.soil is None else [("soil", summary.run.soil or _soil_words(scene))]
+    tool = next((name for name, item in scene.tools.items() if item.is_tillage), None)
+    if tool is not None:
+        deep, mesh = summary.loads.tip_depth_m, load_tool_mesh(resolved.directory, scene, tool)
+        rows.append(("depth", f"{_mm(deep.mean if deep else speed_and_depth(scene, tool, mesh)[1])} mm"))
+        speed = summary.series[PlanarTool(tool).velocity_x_m_per_s].mean
+        rows.append(("speed", f"{_text(speed, '.3g')} m/s"))
+    if particles is not None:
+        rows.append(("particle radius", particles.particles.radius_words()))
+    return rows
+
+
+def _soil_words(scene: Scene) -> str:
+    """A soil without a name."""
+    if scene.wedge_soil is not None:
+        file = scene.wedge_soil.file
+        return "wedge model" if file is None else f"wedge model {Path(file).stem}"
+    if scene.particle_soil is None:
+        return "of another program"
+    soil = scene.particle_soil
+    return f"{soil.law.kind}, particles of {soil.particles.density_kg_per_m3:g} kg/m3"
+
+
+def _rounded(value: float | None) -> str:
+    """Four digits or more."""
+    if value is None:
+        return ""
+    return f"{value:.0f}" if abs(value) >= 1e3 else f"{value:.4g}"
+
+
 HEADINGS = ("quantity", "unit", "ours", "reference", "band", "difference", "agrees", "source")
+RESULT_HEADINGS = ("quantity", "value", "half_width", "unit")
 WORDS = ("quantity", "unit", "agrees", "source")
 """Headings of columns that hold no numbers."""
 
@@ -200,14 +283,15 @@ def summary_facts(summary: Summary) -> list[str]:
     whole = f" ({run.whole_wall_s:.1f} s with start-up)" if run.whole_wall_s is not None else ""
     count = f"{particles.count} particles" if particles.count else "no particles"
     lines = [
-        f"mean, min, max, range: {span}; run min, run max: everything recorded",
+        f"{'WARNING: ' if window.whole_run else ''}mean, min, max, range: {span}; run min, run max: "
+        "everything recorded",
         f"{count}, {run.steps} steps, {run.wall_s:.1f} s wall time{whole}, real-time factor "
         f"{run.real_time_factor:.3g}",
         f"interface energy residual {_text(energy.residual_joule, '.3g')} J, "
         f"{_text(energy.residual_ratio, '.3g', 100.0)} % of the work done there",
     ]
     lines += _mechanism_lines(summary)
-    lines += load_lines(summary)
+    lines += _load_lines(summary)
     if particles.lost_count:
         named = "; ".join(
             f"particle {lost.identity} at ({', '.join(f'{x:.3f}' for x in lost.position_m)}) m, "
@@ -267,64 +351,41 @@ def _mechanism_lines(summary: Summary) -> list[str]:
     return [f"mechanism: balance of energy open by {largest:.3g} J at most{parts}"]
 
 
-def load_lines(summary: Summary) -> list[str]:
+def _load_lines(summary: Summary) -> list[str]:
     """Lines of the quantities that the run has."""
-    lines = [folded(summary), *load_words(summary).values()]
+    lines = (
+        _folded(summary),
+        _stationarity(summary),
+        _vertical(summary),
+        _power(summary),
+        _dominant_frequency(summary),
+        _failures(summary),
+        _spring(summary),
+        _disturbance(summary),
+    )
     return [line for line in lines if line]
 
 
-def load_words(summary: Summary) -> dict[str, str]:
-    """The same under headings, without `folded`."""
-    words = {
-        "Draft": _stationarity(summary),
-        "Weight": _vertical(summary),
-        "Power": _power(summary),
-        "Frequency": _dominant_frequency(summary),
-        "Cycle": _failures(summary),
-        "Fatigue": _spring(summary),
-        "Loosened section": _disturbance(summary),
-    }
-    return {heading: line for heading, line in words.items() if line}
-
-
-def design_rows(summary: Summary, spring: str | None) -> list[tuple[str, str]]:
-    """Results for a designer, heading and words; what the run does not have is absent.
-
-    spring: name of the spring that the scene reports.
-    """
-    words = load_words(summary)
-    for heading, name, sign in (
-        ("Draft", DRAFT, ""),
-        ("Spring load", spring_element(spring).load, " (compression is positive)"),
-    ):
-        found = summary.series.get(name)
-        if found is not None and found.mean is not None:
-            spread = f"from {found.min:.0f} to {found.max:.0f} N{sign}"
-            mean = words.get(heading, f"mean {found.mean:.0f} N")
-            words[heading] = f"{mean}; {spread}"
-            if heading == "Draft" and found.stationarity is None:
-                words[heading] += "; the window is too short for an interval"
-    order = ("Draft", "Cycle", "Frequency", "Spring load", "Fatigue", "Loosened section", "Power", "Weight")
-    return [(heading, words[heading]) for heading in order if heading in words]
-
-
-def folded(summary: Summary) -> str:
-    """Line that the soil folded the shank back, with the time; empty where it did not."""
+def _folded(summary: Summary) -> str:
+    """Warning that the soil folded the shank back, with the time; empty where it did not."""
     passed = summary.loads.past_dead_centre_s
     if passed is None:
         return ""
     return (
-        f"the soil folded the shank back: at {passed:.3f} s it passed the dead centre of its spring, and "
-        "what follows is not the draft of a working tool"
+        f"WARNING: the soil folded the shank back: at {passed:.3f} s it passed the dead centre of its "
+        "spring, and what follows is not the draft of a working tool"
     )
 
 
 def _stationarity(summary: Summary) -> str:
     draft = summary.series.get(DRAFT)
-    if draft is None or draft.stationarity is None:
+    if draft is None:
         return ""
     steady = draft.stationarity
-    words = f"draft: {_text(draft.mean, '.0f')}"
+    if steady is None:
+        return f"WARNING: draft: {_text(draft.mean, '.0f')} N; the window is too short for an interval"
+    warning = "" if steady.verdict == "no drift seen" else "WARNING: "
+    words = f"{warning}draft: {_text(draft.mean, '.0f')}"
     if steady.mean_half_width is not None:
         words += f" +- {steady.mean_half_width:.0f}"
     words += f" N (95 %, {_text(steady.effective_count, '.0f')} independent samples)"

@@ -6,6 +6,8 @@ messages tests/unit/repository/test_contracts.py. Keys in radians or kg/m3 whose
 are warned of by api/plausible.py.
 """
 
+import re
+
 UNITS = {
     "newton_m_s_per_rad": "N m s/rad",
     "newton_m_per_rad": "N m/rad",
@@ -26,6 +28,7 @@ UNITS = {
     "per_kg": "1/kg",
     "per_s": "1/s",
     "joule": "J",
+    "watt": "W",
     "rad": "rad",
     "deg": "degrees",
     "kg": "kg",
@@ -42,3 +45,16 @@ UNITS = {
 def unit_of(key: str) -> str:
     """The unit that a key ends in; empty if it names none."""
     return next((unit for ending, unit in UNITS.items() if key.endswith(f"_{ending}")), "")
+
+
+def unit_of_path(path: str) -> str:
+    """The unit of the last of the keys, joined by dots, that names one; empty if none does."""
+    return next((unit for key in reversed(path.split(".")) if (unit := unit_of(key))), "")
+
+
+def words_of(column: str) -> str:
+    """A column in words, its unit in brackets: "draft [N]" for draft_newton."""
+    ending = next((ending for ending in UNITS if column.endswith(f"_{ending}")), None)
+    if ending is None:
+        return re.sub("[._]", " ", column)
+    return f"{re.sub('[._]', ' ', column.removesuffix(f'_{ending}'))} [{UNITS[ending]}]"

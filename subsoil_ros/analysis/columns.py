@@ -40,6 +40,15 @@ def draft_of_tool(name: str) -> str:
     return f"draft.tool.{name}_newton"
 
 
+def draft_parts(scene: Scene) -> dict[str, str]:
+    """Columns of the parts of the draft that a run may have, in words, without any that is all of it."""
+    driven = scene.mechanism is not None and scene.mechanism.draft_driver is not None
+    rolls = any(not tool.is_tillage for tool in scene.tools.values())
+    shares = {DRAFT_OF_SHARES: "of it tillage tools"} if driven or rolls else {}
+    single = {draft_of_tool(tool): f"  of it {tool}" for tool in scene.tools}
+    return {**shares, **single, DRAFT_OF_WHEELS: "of it wheels"}
+
+
 class _Part:
     """Names of the columns KIND.NAME.FIELD, a field for each that a subclass and its bases declare."""
 

@@ -3,6 +3,7 @@
 import platform
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -112,8 +113,9 @@ def run_statistics(bag: Path, resolved: ResolvedScene, series: Series, window: W
     """
     rows = window.rows
     names = [name for name in compared_columns(resolved.scene) if name in series]
-    upward = [Wrench(name).force_z_newton for name, tool in resolved.scene.tools.items() if tool.is_tillage]
-    judged = [*names, *(name for name in upward if name in series)]
+    tillage = [Wrench(name) for name, tool in resolved.scene.tools.items() if tool.is_tillage]
+    loads = [(load.force_z_newton, load.force_y_newton, load.torque_y_newton_m) for load in tillage]
+    judged = [*names, *(name for name in chain(*loads) if name in series)]
     inside = {name: np.asarray(series[name][rows], np.float64) for name in judged}
     times, smooth = series[TIME][rows], {name: moving_mean(series, name, MOVING_S) for name in names}
     steady = {name: stationarity(times, inside[name]) for name in judged}

@@ -79,6 +79,7 @@ class RunFacts(StrictModel):
         None, description="Processes over DDS, the same nodes in one process, or no nodes."
     )
     threads: int | None = Field(None, description="Of the soil engine.")
+    soil: str | None = Field(None, description="Name in the file that soil.material names.")
     whole_wall_s: Number = Field(None, description="With start-up and compilation.")
     stop_when: KnownMean | None = None
     versions: dict[str, str] | None = None

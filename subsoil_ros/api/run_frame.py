@@ -221,6 +221,8 @@ class RunFrame:
         if failure is not None and lasting:
             name_checkpoint(failure, self.out, settings.resumed)
         facts = {"mode": mode, "threads": settings.threads, "whole_wall_s": time.monotonic() - start}
+        if settings.resolved.material is not None:
+            facts["soil"] = settings.resolved.material.soil.name
         facts |= {"stop_when": watch.stop_when} if watch.stop_when else {}
         facts |= {"versions": versions()} | checkpoint_facts(self.out, settings.resumed)
         summary = write_results(settings.resolved, self.out, facts, failure, reading=reading, working=working)

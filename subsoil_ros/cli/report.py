@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write series.csv, summary.json, tables and figures/ anew from the bag, and print the summary.
+    """Write series.csv, summary.json, results.csv, tables and figures/ anew, and print the summary.
 
     spectra.csv, load_cycles.csv, height_map.csv where the run has them; reference.csv where the scene names a
     reference.
@@ -46,7 +46,13 @@ def _report(recorded: RecordedRun, html: bool) -> int:
     from ..analysis.series import read_series, write_series_csv
     from ..analysis.summarize import run_statistics, summarize
     from ..figures.run_figures import draw_figures, draw_load_figures
-    from ..run_results import print_summary, reference_rows, write_reference_csv
+    from ..run_results import (
+        print_summary,
+        reference_rows,
+        results_of,
+        write_reference_csv,
+        write_results_csv,
+    )
     from .progress import reading_bag, working
 
     directory, bag, resolved = recorded.directory, recorded.bag, recorded.resolved
@@ -60,6 +66,7 @@ def _report(recorded: RecordedRun, html: bool) -> int:
     try:
         write_series_csv(series, directory / "series.csv")
         summary.write(directory / "summary.json")
+        write_results_csv(results_of(summary, resolved.scene), directory / "results.csv")
         statistics.write_tables(directory)
         if resolved.reference is not None:
             rows = reference_rows(resolved.reference, summary.document())
@@ -71,7 +78,7 @@ def _report(recorded: RecordedRun, html: bool) -> int:
             from ..figures.html_report import write_html
             from ..figures.interactive_plots import RunData
 
-            pictures = [path for path in figures if path.stem == "soil_cut"]
+            pictures = [path for path in figures if path.stem in ("tool", "soil_cut")]
             pictures += sorted((directory / "pictures").glob("*.png"))
             with working("writing the page"):
                 page = write_html(directory, bag, RunData(resolved, series, statistics, summary), pictures)

@@ -14,6 +14,7 @@ from ..analysis.columns import DRAFT, TIME, Body, spring_element
 from ..analysis.series import Column, moving_mean, read_table_csv
 from ..analysis.stationarity import stationarity
 from ..errors import InputError
+from ..units import words_of
 from ..yaml_document import read_document
 from .plotting import CYCLE, SMOOTHED_S, new_figure, save_figure
 
@@ -265,7 +266,7 @@ def draw_overlay(sources: Sequence[Source], columns: Sequence[str], path: Path) 
             axes.plot(times, values, color=colour, lw=0.6, alpha=0.35)
             smooth = moving_mean(source.columns, name, SMOOTHED_S)
             axes.plot(times, smooth, color=colour, lw=1.5, label=source.label)
-        axes.set_ylabel(name, fontsize=8)
+        axes.set_ylabel(words_of(name), fontsize=8)
         axes.tick_params(labelsize=8)
         axes.grid(alpha=0.3)
     panels[0].legend(fontsize=8, frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)

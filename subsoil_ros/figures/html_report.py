@@ -15,12 +15,10 @@ from ..loading.loader import ResolvedScene
 from ..run_results import (
     HEADINGS,
     WORDS,
-    design_rows,
-    folded,
-    load_lines,
-    metrics_table,
+    heading_rows,
     reference_lines,
     reference_rows,
+    results_of,
     summary_facts,
 )
 from .interactive_plots import RunData, interactive_plots
@@ -36,7 +34,7 @@ LARGEST_BYTES = 24_000_000
 LARGEST_PICTURES_BYTES = 5_000_000
 """Largest size of the pictures in the page, in base64; the others stay in their folder."""
 
-CAPTIONS = {"soil_cut": "Cut through the soil along the mid-plane of the bin"}
+CAPTIONS = {"tool": "Tool", "soil_cut": "Cut through the soil along the mid-plane of the bin"}
 
 _TROUBLE = re.compile(r"\[(WARN|ERROR|FATAL)\]|^warning:", re.IGNORECASE)
 _WARNING = re.compile(r"(?:WARNING|NOTE): ")
@@ -49,8 +47,7 @@ def write_html(directory: Path, bag: Path, run: RunData, pictures: Sequence[Path
         OSError: it cannot be written; an older one is left as it was.
     """
     resolved, summary = run.resolved, run.summary
-    headings, rows = metrics_table(summary, resolved.scene)
-    facts, design = summary_facts(summary), design_rows(summary, resolved.scene.report.spring)
+    facts = summary_facts(summary)
     reference, document = resolved.reference, summary.document()
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent),
@@ -64,10 +61,9 @@ def write_html(directory: Path, bag: Path, run: RunData, pictures: Sequence[Path
     content = {
         "name": resolved.scene.name,
         "description": resolved.scene.description,
-        "headings": headings,
-        "rows": rows,
-        "design": design,
-        "facts": [line for line in facts if not _WARNING.match(line) and line not in load_lines(summary)],
+        "heading": heading_rows(summary, resolved),
+        "results": [result.cells() for result in results_of(summary, resolved.scene)],
+        "facts": [line for line in facts if not _WARNING.match(line)],
         "reference": reference,
         "reference_headings": HEADINGS,
         "reference_words": WORDS,
@@ -121,7 +117,6 @@ def _figures(pictures: Sequence[Path]) -> tuple[list[dict[str, str]], int]:
 def _warnings(directory: Path, resolved: ResolvedScene, summary: Summary, facts: Sequence[str]) -> list[str]:
     """Warnings that a reader needs to judge the numbers."""
     found = [_WARNING.sub("", line, count=1) for line in facts if _WARNING.match(line)]
-    found += [line for line in (folded(summary),) if line]
     found += [note.removeprefix("warning: ") for note in resolved.notes]
     if not summary.run.complete:
         found.append("The run ended before its last tick: all numbers are of the part that was simulated.")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import plotly.graph_objects as go
 
-from ..analysis.columns import DRAFT, DRAFT_OF_SHARES, DRAFT_OF_WHEELS, TIME, Body, spring_element
+from ..analysis.columns import DRAFT, TIME, Body, draft_parts, spring_element
 from ..analysis.disturbance import Disturbance
 from ..analysis.failure_cycles import SMOOTHED_S
 from ..analysis.fatigue import LoadCycles
@@ -21,9 +21,10 @@ from ..analysis.summarize import RunStatistics, compared_columns, failures_of
 from ..analysis.summary import Summary
 from ..loading.loader import ResolvedScene
 from ..run_results import significance_words
+from ..units import unit_of, words_of
 from ..yaml_document import Document
 from .plotting import COLOURS, CYCLE_BINS
-from .run_figures import reference_levels
+from .run_figures import PART_COLOURS, reference_levels
 
 LARGEST_SERIES_BYTES = 5e6
 """Size of all columns in the page. With plotly.js (4.8 MB) and pictures (5 MB), 9 of 24 MB are left for the
@@ -72,7 +73,7 @@ def _results(run: RunData, compared: Sequence[str]) -> Iterator[tuple[str, Figur
         for name in compared:
             yield f"{_words(run, name)} over travel", _over_travel(run, name)
     for name, waves in found.spectra.items():
-        yield f"Spectrum of {_words(run, name).lower()}", _spectrum(name, waves)
+        yield f"Spectrum of {_words(run, name).lower()}", _spectrum(name, _words(run, name), waves)
     if found.cycles is not None and len(found.cycles.range_newton):
         yield "Load cycles of the spring", _load_cycles(found.cycles)
     if found.disturbance is not None:
@@ -133,19 +134,20 @@ def _over_time(run: RunData, name: str, compared: bool = False) -> Figure:
     colour = "#8fb0d3" if compared else COLOURS["main"]
     traces = [_line(times, series[name][every], "as recorded", color=colour)]
     statistics = {"mean": found.mean, "min": found.min, "max": found.max}
-    title = f"{name}: " + ", ".join(
+    title = f"{_words(run, name) if compared else name}: " + ", ".join(
         f"{kind} {value:.6g}" for kind, value in statistics.items() if value is not None
     )
     if compared:
-        colours = {name: COLOURS["main"]}
-        if name == DRAFT:
-            colours |= {DRAFT_OF_SHARES: COLOURS["share"], DRAFT_OF_WHEELS: COLOURS["wheels"]}
+        parts = draft_parts(run.resolved.scene) if name == DRAFT else {}
+        colours = {name: COLOURS["main"]} | {
+            part: PART_COLOURS[part] for part in parts if part in PART_COLOURS
+        }
         for part, colour in colours.items():
             if part not in series:
                 continue
-            words = f"{part}, mean over {SMOOTHED_S:g} s"
+            words = f"{parts.get(part, _words(run, name).lower())}, mean over {SMOOTHED_S:g} s"
             traces.append(_line(times, moving_mean(series, part, SMOOTHED_S)[every], words, color=colour))
-    figure = _figure(traces, f"{title} in the window", "simulated time [s]", name)
+    figure = _figure(traces, f"{title} in the window", "simulated time [s]", words_of(name))
     window = metrics_window(series, run.resolved.scene)
     start, end = window_span_s(series, window)
     shapes, notes = figure["layout"]["shapes"], figure["layout"]["annotations"]
@@ -181,10 +183,11 @@ def _over_travel(run: RunData, name: str) -> Figure:
         traces.append(
             {"type": "scatter", **places, "mode": "markers", "name": "failure of the soil", "marker": marker}
         )
-    return _figure(traces, f"{name} over the travel of the tip", "travel of the tip, x [m]", name)
+    title = f"{_words(run, name)} over the travel of the tip"
+    return _figure(traces, title, "travel of the tip, x [m]", words_of(name))
 
 
-def _spectrum(name: str, found: Spectrum) -> Figure:
+def _spectrum(name: str, words: str, found: Spectrum) -> Figure:
     x = found.frequency_hz[1:]
     traces = [
         _line(x, found.high[1:], "95 % (chi-square), high", width=0.5),
@@ -192,8 +195,10 @@ def _spectrum(name: str, found: Spectrum) -> Figure:
         _line(x, found.density[1:], "density (Welch)"),
         _line(x, found.level[1:], "red noise, 95 % anywhere", color=COLOURS["reference"], dash="dash"),
     ]
-    title = f"Spectrum of {name}: strongest at {found.dominant_hz:.3g} Hz, {significance_words(found)}"
-    figure = _figure(traces, title, "frequency [Hz]", "density [unit²/Hz]")
+    title = (
+        f"Spectrum of {words.lower()}: strongest at {found.dominant_hz:.3g} Hz, {significance_words(found)}"
+    )
+    figure = _figure(traces, title, "frequency [Hz]", f"density [{unit_of(name)}²/Hz]")
     figure["layout"]["xaxis"]["type"] = figure["layout"]["yaxis"]["type"] = "log"
     return figure
 

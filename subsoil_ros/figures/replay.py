@@ -54,7 +54,7 @@ def replay(snapshots: Snapshots, resolved: ResolvedScene, room_bytes: float) -> 
     every = math.ceil(len(times) * max(1.0 / LARGEST_MOMENTS, 2.0 * fixed_bytes / room_bytes))
     shown = times[::every]
     particle_bytes = NUMBER_BYTES * (5 if behind and np.ptp(sample[0].radii_m) > 0.0 else 4)
-    a_moment = room_bytes / (len(shown) + 1) - fixed_bytes  # the first is there twice
+    a_moment = room_bytes / (len(shown) + 1) - fixed_bytes  # the middle one is there twice
     part = min(1.0, a_moment / (particle_bytes * max(1, behind)))
     moments = [
         (frame.time_s, _traces(frame, resolved, shapes, part)) for frame in _whole(snapshots, shown, resolved)
@@ -149,7 +149,9 @@ def _box(span_m: tuple[float, float], width_m: float, depth_m: float) -> Segment
 
 
 def _animated(moments: Sequence[tuple[float, list[BaseTraceType]]], step_s: float) -> go.Figure:
-    """The moments with play, pause and a slider; sides in proportion, the same for all moments."""
+    """The moments with play, pause and a slider, the middle one first; sides in proportion, the same for
+    all."""
+    middle = len(moments) // 2
     every_trace = [trace for _, traces in moments for trace in traces]
     reach = [np.concatenate([trace[axis] for trace in every_trace]) for axis in "xyz"]
     lows, highs = (np.array([pick(places) for places in reach]) for pick in (np.nanmin, np.nanmax))
@@ -175,7 +177,7 @@ def _animated(moments: Sequence[tuple[float, list[BaseTraceType]]], step_s: floa
         for name, (time_s, _) in zip(names, moments, strict=True)
     ]
     axes = {
-        f"{axis}axis": {"range": [float(low), float(high)], "title": f"{axis} [m]"}
+        f"{axis}axis": {"range": [float(low), float(high)], "visible": False}
         for axis, low, high in zip("xyz", lows, highs, strict=True)
     }
     ratio = dict(zip("xyz", (units_per_m * (highs - lows)).tolist(), strict=True))
@@ -187,10 +189,10 @@ def _animated(moments: Sequence[tuple[float, list[BaseTraceType]]], step_s: floa
         "scene": {**axes, "aspectmode": "manual", "aspectratio": ratio, "camera": _CAMERA},
         "updatemenus": [{"type": "buttons", "buttons": buttons, "direction": "left", "x": 0.0, "y": 0.0,
                          "xanchor": "left", "yanchor": "top", "pad": {"t": 35}}],
-        "sliders": [{"steps": steps, "x": 0.16, "len": 0.82, "y": 0.0, "currentvalue": {"prefix": "t = ",
-                     "suffix": " s"}}],
+        "sliders": [{"steps": steps, "active": middle, "x": 0.16, "len": 0.82, "y": 0.0,
+                     "currentvalue": {"prefix": "t = ", "suffix": " s"}}],
     }  # fmt: skip
-    return go.Figure(moments[0][1], layout, frames)
+    return go.Figure(moments[middle][1], layout, frames)
 
 
 def _moving(trace: BaseTraceType) -> Document:

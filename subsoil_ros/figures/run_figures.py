@@ -15,7 +15,7 @@ from ..analysis.columns import (
     DRAFT_OF_WHEELS,
     TIME,
     Body,
-    draft_of_tool,
+    draft_parts,
     spring_element,
 )
 from ..analysis.disturbance import Disturbance
@@ -28,8 +28,13 @@ from ..loading.loader import ResolvedScene
 from ..loading.reference import Reference
 from ..run_results import significance_words
 from ..scene.scene import Scene
+from ..units import unit_of, words_of
 from .plotting import COLOURS, CYCLE_BINS, SMOOTHED_S, new_figure, save_figure
 from .soil_cut import draw_soil_cut
+from .tool_picture import draw_tool
+
+PART_COLOURS = {DRAFT_OF_SHARES: COLOURS["share"], DRAFT_OF_WHEELS: COLOURS["wheels"]}
+"""Of columns of draft_parts."""
 
 
 def draw_figures(
@@ -61,9 +66,9 @@ def draw_figures(
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=3, frameon=False, fontsize=9)
         paths.append(save_figure(figure, directory / f"{curve.name}.png"))
     over_travel = _draw_over_travel(series, scene, window, directory / "over_travel.png")
-    paths += [] if over_travel is None else [over_travel]
+    tool = draw_tool(bag, resolved, directory / "tool.png")
     cut = draw_soil_cut(bag, resolved, directory / "soil_cut.png", span_s)
-    return paths if cut is None else [*paths, cut]
+    return [*paths, *(path for path in (over_travel, tool, cut) if path is not None)]
 
 
 def _draw_over_travel(series: Series, scene: Scene, window: Window, path: Path) -> Path | None:
@@ -154,11 +159,10 @@ def _paint_draft(axes: Axes, series: Series, scene: Scene) -> None:
             axes.plot(times, smooth, label=f"{label}, {smoothed}", **style)
 
     draw(DRAFT, "draft", color=COLOURS["main"], lw=1.8)
-    if scene.mechanism is not None:  # without a mechanism the draft is that of the tools alone
-        draw(DRAFT_OF_SHARES, "soil on share and shank", color=COLOURS["share"], lw=1.2)
-        draw(DRAFT_OF_WHEELS, "soil on wheels", color=COLOURS["wheels"], lw=1.2)
-    for tool in scene.tools:  # of several shanks each has its own
-        draw(draft_of_tool(tool), f"of it {tool}", lw=0.8, ls=":")
+    for name, words in draft_parts(scene).items():
+        colour = PART_COLOURS.get(name)  # None: of several shanks each has its own
+        style = {"lw": 1.2, "color": colour} if colour else {"lw": 0.8, "ls": ":"}
+        draw(name, words.strip(), **style)
 
 
 def reference_levels(
@@ -219,8 +223,8 @@ def _draw_spectra(spectra: dict[str, Spectrum], title: str, path: Path) -> Path:
             lw=1.0,
             label=f"{found.dominant_hz:.2f} Hz, {significance_words(found)}",
         )
-        axes.set_title(name, fontsize=9, loc="left")
-        axes.set_ylabel("density [unit$^2$/Hz]")
+        axes.set_title(words_of(name), fontsize=9, loc="left")
+        axes.set_ylabel(f"density [{unit_of(name)}$^2$/Hz]")
         axes.minorticks_off()  # of 300 ticks most would have neither label nor room
         axes.grid(alpha=0.3)
         axes.legend(fontsize=8)

@@ -5,7 +5,7 @@ from pathlib import Path
 from pydantic import Field, model_validator
 
 from ..strict_model import Finite, Positive, StrictModel
-from ..units import unit_of
+from ..units import unit_of_path
 from ..yaml_document import read_document
 from .validation import validated
 
@@ -57,10 +57,10 @@ class Reference(StrictModel):
     @model_validator(mode="after")
     def _units(self) -> "Reference":
         for quantity, given in self.values.items():
-            start, *path, statistic = quantity.split(".")
+            start, *_, statistic = quantity.split(".")
             if start != "series" or statistic not in LIKE_THEIR_COLUMN:
                 continue
-            unit = next((found for part in reversed(path) if (found := unit_of(part))), given.unit)
+            unit = unit_of_path(quantity) or given.unit
             if given.unit != unit:
                 raise ValueError(
                     f"values.{quantity}.unit: {given.unit} given, and the run has this quantity in {unit}; "

@@ -174,3 +174,11 @@ class Particles(StrictModel):
             return self.radius_m
         assert self.sizes is not None
         return float(mean_power(self.sizes, 3) ** (1.0 / 3.0))
+
+    def radius_words(self) -> str:
+        """Radius, or range, kind and mean of the radii."""
+        smallest, largest = self.bounds_m
+        if self.sizes is None:
+            return f"{largest * 1e3:g} mm"
+        mean_mm = mean_power(self.sizes, 1) * 1e3
+        return f"{smallest * 1e3:g} to {largest * 1e3:g} mm ({self.sizes.kind}, mean {mean_mm:.3g} mm)"

@@ -14,7 +14,6 @@ from ...loading.soil_file import soil_of
 from ...scene.bed_kinds import GridBed, SavedBed, TiledBed
 from ...scene.material import Material
 from ...scene.pair_laws import layer_soils, particle_spacing_m
-from ...scene.sizes import mean_power
 from ...scene.soil import Soil, SoilWindow, rupture_distance_m
 from ...scene.tool_faces import cutting_faces, wheel_face
 from ...scene.tool_mesh import load_tool_mesh
@@ -82,7 +81,7 @@ def particle_rows(resolved: ResolvedScene, soil: Soil, count: int) -> Iterable[t
     from ...dem.packing.bed_file import bed_path
     from ...dem.packing.grid import grid_shape, prepare_grid
 
-    spheres = _spheres(soil)
+    spheres = f"of radius {soil.particles.radius_words()}"
     if not isinstance(soil.bed, GridBed):
         about = "" if isinstance(soil.bed, SavedBed) else "about "
         yield "particles", f"{about}{count:,} {spheres}, less those that tools overlap"
@@ -141,14 +140,6 @@ def _random_bed(soil: Soil) -> str:
         f"tiled, solid fraction {soil.bed.solid_fraction:g} ({density:.0f} kg/m3), "
         f"tiles of {sample_edge_m(soil):.3g} m{surface}"
     )
-
-
-def _spheres(soil: Soil) -> str:
-    sizes, (smallest, largest) = soil.particles.sizes, soil.particles.bounds_m
-    if sizes is None:
-        return f"of radius {largest * 1e3:g} mm"
-    mean_mm = mean_power(sizes, 1) * 1e3
-    return f"of radius {smallest * 1e3:g} to {largest * 1e3:g} mm ({sizes.kind}, mean {mean_mm:.3g} mm)"
 
 
 def _layer_rows(soil: Soil) -> Iterable[tuple[str, str]]:

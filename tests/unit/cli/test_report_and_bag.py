@@ -34,6 +34,7 @@ def test_report_makes_everything_anew(tmp_path, capsys):
     assert summary["series"]["draft_newton"]["run"]["mean"] == np.mean(series["draft_newton"])
     assert (directory / "series.csv").read_text().startswith("time_s,draft_newton,")
     assert (directory / "figures/draft.png").is_file()
+    assert (directory / "results.csv").read_text().startswith("quantity,value,half_width,unit\ndraft,")
     assert "draft [N]" in capsys.readouterr().out
 
 
@@ -69,5 +70,7 @@ def test_report_shows_the_reference(tmp_path, capsys):
     assert len(rows) == 11
     assert rows[1].startswith("series.draft_newton.moving_10ms.min,N,")
     page = (directory / "report.html").read_text()
+    assert "<td>particle radius</td>" in page[: page.index('id="warnings"')]
+    assert "draft [N]" in page[page.index("const plots") :]
     assert "<h2>Beside Yuan &amp; Yu (2020)</h2>" in page
     assert "contradicts itself" in page

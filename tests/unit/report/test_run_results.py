@@ -3,16 +3,22 @@
 import csv
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rich.console import Console
 
+from subsoil_ros.analysis.stationarity import stationarity
 from subsoil_ros.analysis.summarize import summarize
-from subsoil_ros.analysis.summary import Summary
+from subsoil_ros.analysis.summary import StationarityMetrics, Summary
 from subsoil_ros.run_results import (
+    heading_rows,
     print_summary,
     reference_lines,
     reference_rows,
+    results_of,
+    summary_facts,
     write_reference_csv,
+    write_results_csv,
 )
 from tests.unit.analysis.made_up_runs import TICKS, Run, full_machine, tine
 from tests.unit.loading.test_reference import FIELD, reference
@@ -59,6 +65,32 @@ def test_note_of_the_scene_is_printed(tmp_path):
     assert "NOTE: not the paper [at all]" in text
     assert "WARNING: the scene overrides refusals, allow: unstable_time_step" in text
     assert "contradicts" not in text
+    assert "of it" not in text  # the draft is the pull of the only tool
+
+
+def test_results_have_interval_and_unit(tmp_path):
+    """In results.csv is what the run has, with all digits; what it has not is absent; drift is a warning."""
+    run = Run(tine())
+    summary = summarize(run.write(tmp_path / "run") / "bag", run.resolved, {"soil": "loam"})
+    times = np.arange(600.0)
+    steady = stationarity(times, 100.0 + times + np.random.default_rng(1).standard_normal(600))
+    draft = summary.series["draft_newton"].model_copy(
+        update={"stationarity": StationarityMetrics.model_validate(steady, from_attributes=True)}
+    )
+    summary = summary.model_copy(update={"series": summary.series | {"draft_newton": draft}})
+    write_results_csv(results_of(summary, run.resolved.scene), tmp_path / "results.csv")
+    with (tmp_path / "results.csv").open() as stream:
+        rows = {row.pop("quantity"): row for row in csv.DictReader(stream)}
+    forces = ["draft", "vertical force, up +", "side force, to the left +", "moment about y", "mean power"]
+    assert list(rows) == forces
+    half_width = str(steady.mean_half_width)
+    assert rows["draft"] == {"value": str(draft.mean), "half_width": half_width, "unit": "N"}
+    assert rows["moment about y"]["unit"] == "N m"
+    assert rows["mean power"]["half_width"] == ""
+    (warned,) = [line for line in summary_facts(summary) if line.startswith("WARNING: draft")]
+    assert warned.endswith(": drifts")
+    rows = dict(heading_rows(summary, run.resolved))
+    assert (rows["soil"], rows["particle radius"]) == ("loam", "10 mm")
 
 
 def test_rows_stand_beside_those_of_the_run(tmp_path):

@@ -14,7 +14,7 @@ from subsoil_ros.loading.scene_schema import scene_schema
 from subsoil_ros.loading.validation import LOADER_KEYS
 from subsoil_ros.scene.scene import Scene
 from subsoil_ros.strict_model import StrictModel
-from subsoil_ros.units import unit_of
+from subsoil_ros.units import unit_of, words_of
 from subsoil_ros.yaml_document import read_document
 
 ROOT = Path(__file__).parents[3]
@@ -107,6 +107,8 @@ def test_every_quantity_has_its_unit():
     assert unit_of("gain_per_s") == "1/s"
     assert unit_of("stiffness_newton_m_per_rad") == "N m/rad"
     assert unit_of("static_friction") == ""
+    assert words_of("tool.tine.torque_y_newton_m") == "tool tine torque y [N m]"
+    assert words_of("coupling.residual_ratio") == "coupling residual ratio"
 
 
 def test_descriptions_are_those_of_the_model():

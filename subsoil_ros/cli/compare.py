@@ -112,7 +112,7 @@ def run(args: argparse.Namespace) -> int:
         if fields == 1:
             found = differences(sources, columns)
     told = list(verdicts(quantities or found, labels, fields))
-    warnings = [*failed, *(line for side in sides for line in cautions(side))]
+    warnings = [*failed, *cautions(sides)]
     written = {(item.column, item.statistic): item for item in (*quantities, *found)}  # each once
     paths = [args.out / name for name in ("comparison.csv", "comparison.png")]
     table_of = quantity_rows(quantities, labels) if quantities else None

@@ -282,8 +282,33 @@ def meaning(fields: int) -> str:
     )
 
 
-def cautions(side: Side) -> Iterator[str]:
+def cautions(sides: Sequence[Side]) -> Iterator[str]:
     """What a reader must know of the runs before the table is believed."""
+    soils = [_soil(next(iter(side.runs.values()))) for side in sides]
+    for side, soil in zip(sides, soils, strict=True):
+        yield from _cautions_of(side)
+        unlike = [f"soil.{key}" for key in sorted({*soil, *soils[0]}) if soil.get(key) != soils[0].get(key)]
+        if unlike:
+            yield (
+                f"{side.label} and {sides[0].label} differ in {', '.join(unlike)}: part of the difference "
+                "may be theirs, and equal seeds are not equal fields; --set gives both the same, as "
+                "soil.particles.radius_m=0.012"
+            )
+
+
+def _soil(folder: Path) -> Document:
+    """The soil of a run but for its seed, and for its window, on which little depends."""
+    soil = {
+        key: value
+        for key, value in (_scene(folder).get("soil") or {}).items()
+        if key not in ("seed", "window")
+    }
+    if isinstance(soil.get("bed"), dict):
+        soil["bed"] = {key: value for key, value in soil["bed"].items() if key != "seed"}
+    return soil
+
+
+def _cautions_of(side: Side) -> Iterator[str]:
     summaries = [_summary(folder) for folder in side.runs.values()]
     judged = [item.get("series", {}).get(DRAFT, {}).get("stationarity") or {} for item in summaries]
     drifts = [item["drift"] or math.inf for item in judged if item.get("verdict") == "drifts"]

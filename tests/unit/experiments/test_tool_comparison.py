@@ -52,7 +52,9 @@ def side(folder: Path, label: str, drafts: Mapping[int, float], verdict: str = "
     for seed, draft in drafts.items():
         runs[seed] = folder / f"{label}{seed}"
         runs[seed].mkdir()
-        (runs[seed] / "scene.yaml").write_text("tools: {tine: {}, gauge: {role: wheel}}\n")
+        (runs[seed] / "scene.yaml").write_text(
+            "soil: {bed: {seed: 0}}\ntools: {tine: {}, gauge: {role: wheel}}\n"
+        )
         series = {
             "draft_newton": {"mean": draft, "stationarity": {"verdict": verdict, "drift": 0.2}},
             "tool.tine.force_z_newton": {"mean": -0.2 * draft + seed},
@@ -87,11 +89,17 @@ def test_equal_seeds_are_paired(tmp_path: Path) -> None:
     assert rows[3][1:] == ["500", "500", "+0", "+0.0"]
 
 
-def test_drift_is_said(tmp_path: Path) -> None:
-    """In how many fields, and by how much."""
-    (line,) = cautions(side(tmp_path, "one", {1: 1.0, 2: 2.0}, "drifts"))
-    assert line.startswith("one: its draft drifts, by +20 % over the window")
-    assert line.endswith("(2 of 2 fields)")
+def test_drift_and_unlike_soils_are_said(tmp_path: Path) -> None:
+    """In how many fields and by how much; which parts of the soil differ, but for seeds."""
+    one = side(tmp_path, "one", {1: 1.0, 2: 2.0}, "drifts")
+    two = side(tmp_path, "two", {1: 1.0, 2: 2.0})
+    for seed, folder in two.runs.items():
+        soil = f"soil: {{bed: {{seed: {seed}}}, particles: {{radius_m: 0.01}}}}\n"
+        (folder / "scene.yaml").write_text(soil)
+    drifts, unlike = cautions([one, two])
+    assert drifts.startswith("one: its draft drifts, by +20 % over the window")
+    assert drifts.endswith("(2 of 2 fields)")
+    assert unlike.startswith("two and one differ in soil.particles: ")
 
 
 @pytest.mark.parametrize(

@@ -291,21 +291,13 @@ def cautions(sides: Sequence[Side]) -> Iterator[str]:
         if unlike:
             yield (
                 f"{side.label} and {sides[0].label} differ in {', '.join(unlike)}: part of the difference "
-                "may be theirs, and equal seeds are not equal fields; --set gives both the same, as "
-                "soil.particles.radius_m=0.012"
+                "may be theirs; --set gives both scenes the same, as soil.particles.radius_m=0.012"
             )
 
 
 def _soil(folder: Path) -> Document:
-    """The soil of a run but for its seed, and for its window, on which little depends."""
-    soil = {
-        key: value
-        for key, value in (_scene(folder).get("soil") or {}).items()
-        if key not in ("seed", "window")
-    }
-    if isinstance(soil.get("bed"), dict):
-        soil["bed"] = {key: value for key, value in soil["bed"].items() if key != "seed"}
-    return soil
+    """The soil of a run, without its window, on which little depends."""
+    return {key: value for key, value in (_scene(folder).get("soil") or {}).items() if key != "window"}
 
 
 def _cautions_of(side: Side) -> Iterator[str]:

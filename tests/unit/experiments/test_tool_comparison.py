@@ -90,16 +90,16 @@ def test_equal_seeds_are_paired(tmp_path: Path) -> None:
 
 
 def test_drift_and_unlike_soils_are_said(tmp_path: Path) -> None:
-    """In how many fields and by how much; which parts of the soil differ, but for seeds."""
+    """In how many fields and by how much; which parts of the soil differ."""
     one = side(tmp_path, "one", {1: 1.0, 2: 2.0}, "drifts")
     two = side(tmp_path, "two", {1: 1.0, 2: 2.0})
     for seed, folder in two.runs.items():
-        soil = f"soil: {{bed: {{seed: {seed}}}, particles: {{radius_m: 0.01}}}}\n"
+        soil = f"soil: {{bed: {{seed: {seed}}}, window: {{}}}}\n"
         (folder / "scene.yaml").write_text(soil)
     drifts, unlike = cautions([one, two])
     assert drifts.startswith("one: its draft drifts, by +20 % over the window")
     assert drifts.endswith("(2 of 2 fields)")
-    assert unlike.startswith("two and one differ in soil.particles: ")
+    assert unlike.startswith("two and one differ in soil.bed: ")
 
 
 @pytest.mark.parametrize(

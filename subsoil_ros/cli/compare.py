@@ -66,15 +66,9 @@ def run(args: argparse.Namespace) -> int:
     """Write comparison.csv, .png and perhaps .html; print tables, warnings and verdict."""
     require("drawing", "matplotlib", *(("jinja2",) if args.html else ()))
     from ..analysis.columns import DRAFT
-    from ..experiments.tool_comparison import (
-        Side,
-        cautions,
-        meaning,
-        quantities_of_runs,
-        quantities_over_fields,
-        quantity_rows,
-        verdicts,
-    )
+    from ..experiments.run_cache import CachedRun
+    from ..experiments.tool_comparison import Side, quantities_of_runs, quantities_over_fields
+    from ..experiments.verdict import cautions, meaning, quantity_rows, verdicts
     from ..figures.comparison import (
         differences,
         draw_overlay,
@@ -96,11 +90,11 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(f"--out {args.out}: exists already; results are never written over, name another")
     else:
         named = zip(labels_of(args.items), args.items, strict=True)
-        sides = [Side(label, {0: folder}) for label, folder in named]
+        sides = [Side(label, {0: CachedRun(folder)}) for label, folder in named]
     fields, labels = len(sides[0].runs), [side.label for side in sides]
     found, quantities = [], []
     with working("reading the series"):
-        sources = [read_run(folder, side.label) for side in sides for folder in side.runs.values()]
+        sources = [read_run(run.folder, side.label) for side in sides for run in side.runs.values()]
         if args.measured is not None:
             sources.append(read_measured(args.measured, sources))
             labels.append(sources[-1].label)

@@ -1,19 +1,19 @@
-"""Tools beside each other: the quantities that decide between them, of single runs or over several fields."""
+"""Tools beside each other: their runs, and the quantities that decide between them with intervals."""
 
-import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from ..analysis.columns import DRAFT, Body, PlanarTool, Wrench
-from ..analysis.intervals import NO_SCATTER, Interval, difference_by_seed, error_by_seed, t_quantile
+from ..analysis.intervals import NO_SCATTER, difference_by_seed, error_by_seed
 from ..analysis.summary import MEAN_DRAFT, flattened, path_of
 from ..errors import InputError
 from ..figures.comparison import SHARED, Difference, Source, differences, labels_of
-from ..yaml_document import Document, dump_yaml, read_document
+from ..yaml_document import Document, dump_yaml
+from .run_cache import CachedRun
 from .run_jobs import ExecutionOptions, Watcher, run_jobs
 from .run_sweep import RUNS, open_folder, write_whole
 from .sweep_points import Point, jobs_of
@@ -39,19 +39,18 @@ SIDE_PART = 0.01
 """Part of the draft below which no side force is shown: a tool alike on both sides has one from single
 particles."""
 
-RESOLVED = 0.03
-"""Part of the first mean that a verdict is asked to resolve: less decides no choice between two tools."""
-
-MOST_FIELDS = 1000
-"""Most fields that a verdict proposes."""
-
 
 @dataclass(frozen=True)
 class Side:
     """One of the tools that are compared: its finished runs, by the seed of their field."""
 
     label: str
-    runs: Mapping[int, Path]
+    runs: Mapping[int, CachedRun]
+
+    @property
+    def first(self) -> CachedRun:
+        """Its run of the first seed."""
+        return next(iter(self.runs.values()))
 
 
 def run_scenes(
@@ -96,9 +95,7 @@ def run_scenes(
     if not good:
         name, run = next((key[0], run) for key, run in runs.items() if run.failure)
         raise run.error(f"{name}: nothing is left to compare")
-    return [
-        Side(label, {seed: runs[label, seed].folder for seed in sorted(good)}) for label in labels
-    ], failed
+    return [Side(label, {seed: runs[label, seed] for seed in sorted(good)}) for label in labels], failed
 
 
 def quantities_of_runs(sides: Sequence[Side], sources: Sequence[Source]) -> list[Difference]:
@@ -107,9 +104,9 @@ def quantities_of_runs(sides: Sequence[Side], sources: Sequence[Source]) -> list
     Forces and power are means over the times that all share, with intervals of the differences of the curves;
     the loosened section is that of each run's window, with an interval from its slices along the bed.
     """
-    folders = [next(iter(side.runs.values())) for side in sides]
-    numbers, widths = [_numbers(folder) for folder in folders], [_own_widths(folder) for folder in folders]
-    curves = [_with_forces(source, folder) for source, folder in zip(sources, folders, strict=True)]
+    runs = [side.first for side in sides]
+    numbers, widths = [_numbers(run) for run in runs], [_own_widths(run) for run in runs]
+    curves = [_with_forces(source, run) for source, run in zip(sources, runs, strict=True)]
     found = []
     for name in QUANTITIES:
         if not all(name in item for item in numbers):
@@ -132,7 +129,7 @@ def quantities_of_runs(sides: Sequence[Side], sources: Sequence[Source]) -> list
 
 def quantities_over_fields(sides: Sequence[Side]) -> list[Difference]:
     """The quantities as means over the seeds, which are those of all sides; by the windows of the runs."""
-    numbers = [{seed: _numbers(folder) for seed, folder in side.runs.items()} for side in sides]
+    numbers = [{seed: _numbers(run) for seed, run in side.runs.items()} for side in sides]
     found = []
     for name in QUANTITIES:
         columns = [{seed: item[name] for seed, item in side.items() if name in item} for side in numbers]
@@ -176,17 +173,9 @@ def _told(found: Sequence[Difference]) -> list[Difference]:
     return shown
 
 
-def _summary(folder: Path) -> Document:
-    return dict(json.loads((folder / "summary.json").read_text(encoding="utf-8")))
-
-
-def _scene(folder: Path) -> Document:
-    return read_document(folder / "scene.yaml", str(folder / "scene.yaml"))
-
-
-def _force_columns(folder: Path) -> dict[str, list[str]]:
+def _force_columns(run: CachedRun) -> dict[str, list[str]]:
     """Columns of the soil's force on each tillage tool, by the quantity that is their sum."""
-    tools: dict[str, Document] = _scene(folder).get("tools") or {}
+    tools: dict[str, Document] = run.scene.get("tools") or {}
     loads = [Wrench(name) for name, tool in tools.items() if tool.get("role") != "wheel"]
     return {
         UPWARD: [load.force_z_newton for load in loads],
@@ -194,17 +183,16 @@ def _force_columns(folder: Path) -> dict[str, list[str]]:
     }
 
 
-def _numbers(folder: Path) -> dict[str, float]:
+def _numbers(run: CachedRun) -> dict[str, float]:
     """The quantities that a run has, over its metrics window."""
-    summary = flattened(_summary(folder))
+    summary = flattened(run.summary)
     paths = {
         DRAFT: [MEAN_DRAFT],
         POWER: ["loads.power.draft_watt.mean"],
         SECTION: ["disturbance.area_m2"],
         PRESSURE: ["loads.specific.draft_pa"],
     } | {
-        name: [path_of(column, "mean") for column in columns]
-        for name, columns in _force_columns(folder).items()
+        name: [path_of(column, "mean") for column in columns] for name, columns in _force_columns(run).items()
     }
     found = {}
     for name, of_one in paths.items():
@@ -215,9 +203,9 @@ def _numbers(folder: Path) -> dict[str, float]:
     return found
 
 
-def _own_widths(folder: Path) -> dict[str, float]:
+def _own_widths(run: CachedRun) -> dict[str, float]:
     """Half-widths of the loosened section and of the draft over it, taken as independent of each other."""
-    summary, numbers = flattened(_summary(folder)), _numbers(folder)
+    summary, numbers = flattened(run.summary), _numbers(run)
     found = {}
     half = summary.get("disturbance.area_half_width_m2")
     if isinstance(half, int | float) and SECTION in numbers:
@@ -234,10 +222,10 @@ def _own_widths(folder: Path) -> dict[str, float]:
     return found
 
 
-def _with_forces(source: Source, folder: Path) -> Source:
+def _with_forces(source: Source, run: CachedRun) -> Source:
     """A run's series with the forces on all its tillage tools and the power of the draft."""
-    columns, scene = dict(source.columns), _scene(folder)
-    for name, parts in _force_columns(folder).items():
+    columns, scene = dict(source.columns), run.scene
+    for name, parts in _force_columns(run).items():
         if parts and all(part in columns for part in parts):
             columns[name] = np.sum([columns[part] for part in parts], axis=0)
     mechanism, tools = scene.get("mechanism"), scene.get("tools")
@@ -249,115 +237,3 @@ def _with_forces(source: Source, folder: Path) -> Source:
     if DRAFT in columns and speed in columns:
         columns[POWER] = columns[DRAFT] * columns[speed]
     return replace(source, columns=columns)
-
-
-def quantity_rows(found: Sequence[Difference], labels: Sequence[str]) -> tuple[list[str], list[list[str]]]:
-    """Headings and rows of the printed table of quantities."""
-    headings = ["quantity", *labels]
-    for label in labels[1:]:
-        headings += [f"{label} - {labels[0]}", "in %"]
-    rows = []
-    for item in found:
-        words, factor = QUANTITIES[item.column]
-        row = [words, *(_number(factor * value) for value in item.values)]
-        for place in range(1, len(labels)):
-            difference, part = item.against_first(place)
-            row.append(Interval(difference, item.half_widths[place], 0).scaled(factor).text("+.4g"))
-            row.append(Interval(part, item.part_half_widths[place], 0).scaled(100.0).text("+.1f"))
-        rows.append(row)
-    return headings, rows
-
-
-def _number(value: float) -> str:
-    return "-" if math.isnan(value) else f"{value:.4g}"
-
-
-def meaning(fields: int) -> str:
-    """What +- in the table means."""
-    if fields > 1:
-        return f"+-: 95 % interval of the mean difference over {fields} fields, Student's t on equal seeds"
-    return (
-        "+-: 95 % interval of the difference within these runs, from the scatter along them. One field is "
-        "one sample of the soil, and what another would change is not in it: scenes with --seeds 3 tell"
-    )
-
-
-def cautions(sides: Sequence[Side]) -> Iterator[str]:
-    """What a reader must know of the runs before the table is believed."""
-    soils = [_soil(next(iter(side.runs.values()))) for side in sides]
-    for side, soil in zip(sides, soils, strict=True):
-        yield from _cautions_of(side)
-        unlike = [f"soil.{key}" for key in sorted({*soil, *soils[0]}) if soil.get(key) != soils[0].get(key)]
-        if unlike:
-            yield (
-                f"{side.label} and {sides[0].label} differ in {', '.join(unlike)}: part of the difference "
-                "may be theirs; --set gives both scenes the same, as soil.particles.radius_m=0.012"
-            )
-
-
-def _soil(folder: Path) -> Document:
-    """The soil of a run, without its window, on which little depends."""
-    return {key: value for key, value in (_scene(folder).get("soil") or {}).items() if key != "window"}
-
-
-def _cautions_of(side: Side) -> Iterator[str]:
-    summaries = [_summary(folder) for folder in side.runs.values()]
-    judged = [item.get("series", {}).get(DRAFT, {}).get("stationarity") or {} for item in summaries]
-    drifts = [item["drift"] or math.inf for item in judged if item.get("verdict") == "drifts"]
-    most = max(drifts, key=abs, default=0.0)
-    for words, places in (
-        (
-            "no row lies in its metrics window, so its mean, min and max are of the whole run (the rule of "
-            "the window: its summary.json)",
-            sum(item["window"].get("whole_run") is True for item in summaries),
-        ),
-        ("ended before its last tick", sum(item["run"].get("complete") is False for item in summaries)),
-        (
-            f"its draft drifts, by {100.0 * most:+.0f} % over the window: a longer run has another mean",
-            len(drifts),
-        ),
-        (
-            "too short to see whether its draft drifts",
-            sum(item.get("verdict", "too short") == "too short" for item in judged),
-        ),
-    ):
-        if places:
-            where = f" ({places} of {len(summaries)} fields)" if len(summaries) > 1 else ""
-            yield f"{side.label}: {words}{where}"
-
-
-def verdicts(found: Sequence[Difference], labels: Sequence[str], fields: int = 1) -> Iterator[str]:
-    """What the intervals of the draft's means say about each further source, in words."""
-    item = next((item for item in found if item.column == DRAFT and item.part_half_widths), None)
-    for place in range(1, len(labels) if item is not None else 0):
-        assert item is not None
-        part, half = item.against_first(place)[1], item.part_half_widths[place]
-        who, first = labels[place], labels[0]
-        if math.isnan(part) or math.isnan(half) or half < NO_SCATTER:
-            yield (
-                f"{who} against {first}: no verdict, as no interval is known: the runs are too short, or "
-                "nothing scatters in them; use longer runs, or scenes and --seeds 3"
-            )
-            continue
-        low, high = 100.0 * (abs(part) - half), 100.0 * (abs(part) + half)
-        if low > 0.0:
-            word = "less" if part < 0.0 else "more"
-            told = f"{who} needs {low:.1f} to {high:.1f} % {word} draft than {first}: shown"
-        elif half <= RESOLVED:
-            told = f"{who} and {first} need the same draft to {high:.1f} %: shown"
-        else:
-            ends = f"{100.0 * (part - half):+.1f} to {100.0 * (part + half):+.1f} % of draft"
-            told = f"{who} against {first}: not resolved, {ends}; {_enough(half, fields)} would resolve "
-            told += f"{100.0 * RESOLVED:.0f} %"
-        sample = "on this sample of soil; another soil.bed.seed is another sample"
-        yield f"{told} (95 %, {f'over {fields} fields' if fields > 1 else sample})"
-
-
-def _enough(half: float, fields: int) -> str:
-    """How much more would narrow a half-width to RESOLVED: longer runs of one field, or more fields."""
-    if fields == 1:
-        return f"runs {(half / RESOLVED) ** 2:.1f} times as long"
-    scatter = half * math.sqrt(fields) / t_quantile(fields - 1)
-    more = range(fields + 1, MOST_FIELDS + 1)
-    count = next((n for n in more if t_quantile(n - 1) * scatter / math.sqrt(n) <= RESOLVED), None)
-    return f"more than {MOST_FIELDS} fields" if count is None else f"some {count} fields"

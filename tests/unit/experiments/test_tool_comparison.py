@@ -8,13 +8,9 @@ from pathlib import Path
 import pytest
 
 from subsoil_ros.analysis.intervals import Interval
-from subsoil_ros.experiments.tool_comparison import (
-    Side,
-    cautions,
-    quantities_over_fields,
-    quantity_rows,
-    verdicts,
-)
+from subsoil_ros.experiments.run_cache import CachedRun
+from subsoil_ros.experiments.tool_comparison import Side, quantities_over_fields
+from subsoil_ros.experiments.verdict import cautions, quantity_rows, verdicts
 from subsoil_ros.figures.comparison import Difference
 
 
@@ -50,11 +46,10 @@ def side(folder: Path, label: str, drafts: Mapping[int, float], verdict: str = "
     """Runs as folders with what the comparison reads: side force a tenth, section of 0.05 m2."""
     runs = {}
     for seed, draft in drafts.items():
-        runs[seed] = folder / f"{label}{seed}"
-        runs[seed].mkdir()
-        (runs[seed] / "scene.yaml").write_text(
-            "soil: {bed: {seed: 0}}\ntools: {tine: {}, gauge: {role: wheel}}\n"
-        )
+        at = folder / f"{label}{seed}"
+        at.mkdir()
+        runs[seed] = CachedRun(at)
+        (at / "scene.yaml").write_text("soil: {bed: {seed: 0}}\ntools: {tine: {}, gauge: {role: wheel}}\n")
         series = {
             "draft_newton": {"mean": draft, "stationarity": {"verdict": verdict, "drift": 0.2}},
             "tool.tine.force_z_newton": {"mean": -0.2 * draft + seed},
@@ -62,7 +57,7 @@ def side(folder: Path, label: str, drafts: Mapping[int, float], verdict: str = "
             "tool.gauge.force_z_newton": {"mean": 1e6},
         }
         summary = {"window": {}, "run": {}, "series": series, "disturbance": {"area_m2": 0.05}}
-        (runs[seed] / "summary.json").write_text(json.dumps(summary))
+        (at / "summary.json").write_text(json.dumps(summary))
     return Side(label, runs)
 
 
@@ -93,9 +88,9 @@ def test_drift_and_unlike_soils_are_said(tmp_path: Path) -> None:
     """In how many fields and by how much; which parts of the soil differ."""
     one = side(tmp_path, "one", {1: 1.0, 2: 2.0}, "drifts")
     two = side(tmp_path, "two", {1: 1.0, 2: 2.0})
-    for seed, folder in two.runs.items():
+    for seed, run in two.runs.items():
         soil = f"soil: {{bed: {{seed: {seed}}}, window: {{}}}}\n"
-        (folder / "scene.yaml").write_text(soil)
+        (run.folder / "scene.yaml").write_text(soil)
     drifts, unlike = cautions([one, two])
     assert drifts.startswith("one: its draft drifts, by +20 % over the window")
     assert drifts.endswith("(2 of 2 fields)")

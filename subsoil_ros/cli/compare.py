@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rich.markup import escape
+
 from ..errors import InputError
 from ..extras import require
 from .arguments import add_manner, add_overrides, positive_count
@@ -125,9 +127,9 @@ def run(args: argparse.Namespace) -> int:
     console = stdout_console()
     if table_of is not None:
         headings, rows = table_of
-        quantity_table = table("the tools", headings)
+        quantity_table = table("the tools", map(escape, headings))
         for row in rows:
-            quantity_table.add_row(*row)
+            quantity_table.add_row(*map(escape, row))
         console.print(quantity_table)
     if found and (not scenes or args.show):
         _print(found, sources)

@@ -35,7 +35,7 @@ parts of the draft."""
 OVER_FIELDS = "mean_over_fields"
 """Statistic of a mean over seeds, whose interval is Student's t of the differences of equal seeds."""
 
-SIDE_PART = 0.01
+SIDE_PART = 0.03
 """Part of the draft below which no side force is shown: a tool alike on both sides has one from single
 particles."""
 

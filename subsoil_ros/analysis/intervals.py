@@ -14,6 +14,10 @@ import numpy as np
 
 CONFIDENCE = 0.95
 
+NO_SCATTER = 1e-9
+"""Half-width over the value, up to which an interval is rounding alone. Then nothing scatters, as in seeds
+that change nothing, and what another field would give is not known."""
+
 
 @dataclass(frozen=True)
 class Interval:
@@ -37,6 +41,18 @@ class Interval:
     def resolved(self) -> bool:
         """Whether the interval excludes zero: the difference is more than the scatter of the seeds."""
         return abs(self.mean) > self.half_width  # False where the half-width is not known
+
+    @property
+    def scatters(self) -> bool:
+        """Whether the values differ by more than rounding."""
+        return self.half_width > NO_SCATTER * abs(self.mean)  # False where the half-width is not known
+
+    def text(self, digits: str) -> str:
+        """Mean and half-width, which is never rounded to zero; the mean alone where nothing scatters."""
+        if not self.scatters:
+            return f"{self.mean:{digits}}"
+        half = f"{self.half_width:{digits.lstrip('+')}}"
+        return f"{self.mean:{digits}} +- {half if float(half) else f'{self.half_width:.1g}'}"
 
     def scaled(self, factor: float) -> "Interval":
         """Interval of the mean times a factor."""

@@ -1,27 +1,40 @@
-"""subsoil compare A B: runs beside each other, and beside measured values."""
+"""subsoil compare A B: tools beside each other, by runs or scenes, and beside measured values."""
 
 import argparse
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rich.markup import escape
+
 from ..errors import InputError
 from ..extras import require
+from .arguments import add_manner, add_overrides, positive_count
 from .output import print_line, stdout_console, table
 
 if TYPE_CHECKING:
+    from ..experiments.tool_comparison import Side
     from ..figures.comparison import Difference, Source
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "runs",
+        "items",
         nargs="+",
         type=Path,
-        metavar="RUN",
-        help="folders of runs; the first is the one compared with",
+        metavar="A",
+        help="folders of runs, or scenes (.yaml, or shipped names), which run first; the first is the one "
+        "compared with",
     )
+    parser.add_argument(
+        "--seeds",
+        type=positive_count,
+        metavar="N",
+        help="run each scene in N fields, seeds 1 to N, and compare equal seeds (default: once, as written)",
+    )
+    add_overrides(parser)
+    add_manner(parser, workers=None)
     parser.add_argument(
         "--measured",
         type=Path,
@@ -33,17 +46,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="COLUMN",
-        help="columns to compare (default: draft, spring force, angle and height of the shank, and what was "
-        "measured)",
+        help="columns to compare (default: draft; of runs also spring force, angle and height of the shank, "
+        "and what was measured)",
     )
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="DIR", help="folder for figure and table; must not exist"
+        "--html",
+        action="store_true",
+        help="write comparison.html as well: one page with table, verdict, warnings and curves that needs no "
+        "other file",
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        metavar="DIR",
+        help="folder for figure and table; must not exist, or of scenes: new or begun before",
     )
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write comparison.csv and comparison.png, and print the table."""
-    require("drawing", "matplotlib")
+    """Write comparison.csv, .png and perhaps .html; print tables, warnings and verdict."""
+    require("drawing", "matplotlib", *(("jinja2",) if args.html else ()))
+    from ..analysis.columns import DRAFT
+    from ..experiments.run_cache import CachedRun
+    from ..experiments.tool_comparison import Side, quantities_of_runs, quantities_over_fields
+    from ..experiments.verdict import cautions, meaning, quantity_rows, verdicts
     from ..figures.comparison import (
         differences,
         draw_overlay,
@@ -55,26 +82,108 @@ def run(args: argparse.Namespace) -> int:
     )
     from .progress import working
 
-    if len(args.runs) < 2 and args.measured is None:
-        raise InputError(f"{args.runs[0]}: is one run; name a second one, or a measurement by --measured")
-    if args.out.exists():
+    if len(args.items) < 2 and args.measured is None:
+        raise InputError(f"{args.items[0]}: is one run; name a second one, or a measurement by --measured")
+    scenes = _are_scenes(args)
+    failed: list[str] = []
+    if scenes:
+        sides, failed = _run_scenes(args)
+    elif args.out.exists():
         raise InputError(f"--out {args.out}: exists already; results are never written over, name another")
+    else:
+        named = zip(labels_of(args.items), args.items, strict=True)
+        sides = [Side(label, {0: CachedRun(folder)}) for label, folder in named]
+    fields, labels = len(sides[0].runs), [side.label for side in sides]
+    found, quantities = [], []
     with working("reading the series"):
-        sources = [read_run(*item) for item in zip(args.runs, labels_of(args.runs), strict=True)]
+        sources = [read_run(run.folder, side.label) for side in sides for run in side.runs.values()]
         if args.measured is not None:
             sources.append(read_measured(args.measured, sources))
-        columns = args.show or usual_columns(args.runs, sources)
+            labels.append(sources[-1].label)
+        else:
+            several = fields > 1
+            quantities = quantities_over_fields(sides) if several else quantities_of_runs(sides, sources)
+        columns = args.show or ([DRAFT] if scenes else usual_columns(args.items, sources))
         _refuse_unknown(columns, sources)
-        found = differences(sources, columns)
+        if fields == 1:
+            found = differences(sources, columns)
+    told = list(verdicts(quantities or found, labels, fields))
+    warnings = [*failed, *cautions(sides)]
+    written = {(item.column, item.statistic): item for item in (*quantities, *found)}  # each once
+    paths = [args.out / name for name in ("comparison.csv", "comparison.png")]
+    table_of = quantity_rows(quantities, labels) if quantities else None
     try:
-        args.out.mkdir(parents=True)
-        write_differences_csv(found, sources, args.out / "comparison.csv")
+        args.out.mkdir(parents=True, exist_ok=scenes)
+        write_differences_csv(list(written.values()), labels, paths[0])
         with working("drawing the curves"):
-            draw_overlay(sources, columns, args.out / "comparison.png")
+            draw_overlay(sources, columns, paths[1])
+        if args.html:
+            from ..figures.comparison_page import write_page
+
+            paths.append(args.out / "comparison.html")
+            write_page(paths[2], labels, told, warnings, table_of, meaning(fields), paths[1])
     except OSError as error:
         raise InputError(f"--out {args.out}: cannot be written ({error.strerror}); name another") from error
-    _print(found, sources, args.out)
+    console = stdout_console()
+    if table_of is not None:
+        headings, rows = table_of
+        quantity_table = table("the tools", map(escape, headings))
+        for row in rows:
+            quantity_table.add_row(*map(escape, row))
+        console.print(quantity_table)
+    if found and (not scenes or args.show):
+        _print(found, sources)
+    for line in (*(f"WARNING: {line}" for line in warnings), meaning(fields), *told):
+        print_line(console, line)
+    for path in paths:
+        print_line(console, f"written: {path}")
     return 0
+
+
+def _are_scenes(args: argparse.Namespace) -> bool:
+    """Whether scenes are given, not folders of runs.
+
+    Raises:
+        InputError: some of each, or options of the other kind.
+    """
+    from ..loading.files import shipped_scene
+
+    kinds = {path.is_dir(): path for path in args.items}
+    if len(kinds) > 1:
+        raise InputError(
+            f"{kinds[True]}: is a folder of a run, and {kinds[False]} is a scene; run the "
+            f"scene first, or name {kinds[True] / 'scene.yaml'}, so that both run in the same fields"
+        )
+    if True in kinds:
+        for flag, given in (("--seeds", args.seeds), ("--set, --preset", args.overrides)):
+            if given:
+                raise InputError(
+                    f"{flag}: given with folders of runs, which have been run; name scenes, as "
+                    f"{kinds[True] / 'scene.yaml'}"
+                )
+        return False
+    for path in args.items:
+        if not shipped_scene(path).is_file():
+            raise InputError(
+                f"{path}: is no folder of a run and no scene; name what `subsoil run` made, or a scene"
+            )
+    if args.measured is not None and (args.seeds or 1) > 1:
+        raise InputError(
+            "--seeds: given with --measured, which is compared with one run; leave out one of them"
+        )
+    return True
+
+
+def _run_scenes(args: argparse.Namespace) -> "tuple[list[Side], list[str]]":
+    require("a comparison of scenes", "dask", "distributed")
+    from ..experiments.run_jobs import ExecutionOptions
+    from ..experiments.tool_comparison import run_scenes
+    from .progress import SweepProgress
+
+    manner = ExecutionOptions(args.scheduler, args.workers, args.threads, args.retry_failed)
+    seeds = range(1, args.seeds + 1) if args.seeds else ()
+    with SweepProgress("compare") as progress:
+        return run_scenes(args.items, args.overrides, seeds, args.out, manner, progress)
 
 
 def _refuse_unknown(columns: Sequence[str], sources: "Sequence[Source]") -> None:
@@ -88,7 +197,8 @@ def _refuse_unknown(columns: Sequence[str], sources: "Sequence[Source]") -> None
         raise InputError("--show: the runs share none of the usual columns; name the ones to compare")
 
 
-def _print(found: "list[Difference]", sources: "list[Source]", out: Path) -> None:
+def _print(found: "list[Difference]", sources: "list[Source]") -> None:
+    """Print statistics of columns, run by run."""
     from ..figures.comparison import APART, SHARED, shared_span_s
 
     console = stdout_console()
@@ -116,47 +226,6 @@ def _print(found: "list[Difference]", sources: "list[Source]", out: Path) -> Non
     if not alike:
         for name, words in shared.items():
             print_line(console, f"{name}: {words}")
-    for line in verdicts(found, labels):
-        print_line(console, line)
-    for source in sources:
-        if source.window_empty:
-            print_line(
-                console,
-                f"WARNING: {source.label}: no row lies in its metrics window, so its mean, min and max are "
-                "of the whole run (the rule of the window: its summary.json)",
-            )
-    for path in ("comparison.csv", "comparison.png"):
-        print_line(console, f"written: {out / path}")
-
-
-RESOLVED = 0.03
-"""Part of the first mean that a verdict is asked to resolve: less decides no choice between two tools."""
-
-
-def verdicts(found: "Sequence[Difference]", labels: Sequence[str]) -> Iterator[str]:
-    """What the intervals of the draft's means say about each further source, in words."""
-    from ..analysis.columns import DRAFT
-
-    for item in found:
-        if (item.column, item.statistic) != (DRAFT, "shared_mean") or not item.part_half_widths:
-            continue
-        for place in range(1, len(labels)):
-            part, half = item.against_first(place)[1], item.part_half_widths[place]
-            if math.isnan(part) or math.isnan(half):
-                continue
-            low, high = 100.0 * (abs(part) - half), 100.0 * (abs(part) + half)
-            who, first = labels[place], labels[0]
-            if low > 0.0:
-                word = "less" if part < 0.0 else "more"
-                told = f"{who} needs {low:.1f} to {high:.1f} % {word} draft than {first}: shown"
-            elif half <= RESOLVED:
-                told = f"{who} and {first} need the same draft to {high:.1f} %: shown"
-            else:
-                ends = f"{100.0 * (part - half):+.1f} to {100.0 * (part + half):+.1f} % of draft"
-                longer = f"{(half / RESOLVED) ** 2:.1f} times as long"
-                told = f"{who} against {first}: not resolved, {ends}; runs {longer} would resolve "
-                told += f"{100.0 * RESOLVED:.0f} %"
-            yield f"{told} (95 %, on this sample of soil; another soil.bed.seed is another sample)"
 
 
 def _span(span_s: tuple[float, float]) -> str:

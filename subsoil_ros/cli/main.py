@@ -18,7 +18,7 @@ VERBS = {
     "run": "simulate a scene; DIR gets bag/, scene.yaml, series.csv, summary.json and log/",
     "report": "print the metrics of a run and draw its figures (PNG)",
     "render": "pictures or a film of soil and machine, or VTK files for ParaView",
-    "compare": "overlay runs and a measured CSV: figure, metrics and differences",
+    "compare": "compare tools by scenes or runs, in words; or runs with a measured CSV",
     "sweep": "run a scene with every combination of values; one table (CSV, Parquet), figure and ranking",
     "study": "sweep the factors of a scene against a reference run: errors with intervals, and wall time",
     "soil-test": "test the soil of a scene: strength, stiffness, density, angle of repose",

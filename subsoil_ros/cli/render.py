@@ -81,6 +81,9 @@ def run(args: argparse.Namespace) -> int:
     from ..api.read import recorded_run
 
     with recorded_run(args.record) as recorded:
+        soil = recorded.resolved.scene.particle_soil
+        if args.colour == "broken" and (soil is None or soil.bonds is None):
+            raise InputError(f"--colour broken: the soil of {args.record} has no bonds; leave it out")
         return _render(args, recorded)
 
 

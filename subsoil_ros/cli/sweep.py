@@ -130,22 +130,15 @@ def _ranking(ranked: "list[Ranked]", best: "Ranked | None", keys: list[str]) -> 
     rows.add_column("")
     for item in ranked[:SHOWN_ROWS]:
         cells = [str(item.values.get(key, "")) for key in keys]
-        cells.append(_with_half(item.draft_newton.mean, item.draft_newton.half_width, ".1f"))
+        cells.append(item.draft_newton.text(".1f"))
         if savings:
-            saving = item.saving
-            cells.append(
-                "" if saving is None else _with_half(100 * saving.mean, 100 * saving.half_width, ".2f")
-            )
+            cells.append("" if item.saving is None else item.saving.scaled(100.0).text(".2f"))
         cells += [f"{item.load[name]:.5g}" if name in item.load else "" for name in loads]
         word = "recommended" if item is best else "as good, within the seeds" if item.level_with_best else ""
         rows.add_row(*cells, word if item.draft_newton.count > 1 else "")
     if len(ranked) > SHOWN_ROWS:
         rows.caption = f"{len(ranked) - SHOWN_ROWS} more in ranking.csv"
     return rows
-
-
-def _with_half(mean: float, half: float, digits: str) -> str:
-    return f"{mean:{digits}}" if half != half else f"{mean:{digits}} +- {half:{digits}}"
 
 
 def _advice(outcome: "Outcome") -> str:
@@ -156,6 +149,8 @@ def _advice(outcome: "Outcome") -> str:
         return "nothing is recommended: runs have no row in their metrics window"
     if first.draft_newton.count < 2:
         return "one bed seed: the beds' scatter is not known, so nothing is recommended; add --seeds 0,1,2"
+    if first.judged.mean and not first.judged.scatters:
+        return "the seeds change nothing here, so they are one sample, and nothing is recommended"
     if first.saving is not None:
         return "no point saves more draft than the beds scatter (95 %, Student's t on pairs of the same seed)"
     if any(label.startswith("control") for label, _ in outcome.failed):

@@ -31,6 +31,11 @@ class Ranked:
     shown: dict[str, Interval] = field(default_factory=dict)  # columns that were asked for
 
     @property
+    def judged(self) -> Interval:
+        """What a recommendation rests on: the saving, without a control the draft."""
+        return self.draft_newton if self.saving is None else self.saving
+
+    @property
     def level_with_best(self) -> bool:
         """Whether the seeds cannot resolve its difference from the best."""
         return not self.behind_best.resolved
@@ -94,10 +99,15 @@ def rank(
 def recommended(ranked: Sequence[Ranked]) -> Ranked | None:
     """Of the points whose difference from the best is not resolved, the one with the least fatigue load.
 
-    None with a single seed, or if there is a control and the best is not resolved to save draft.
+    None with a single seed, with seeds that change nothing, or if there is a control and the best is not
+    resolved to save draft.
     """
     level = [item for item in ranked if item.level_with_best and not math.isnan(item.behind_best.half_width)]
-    if not level or (level[0].saving is not None and not level[0].saving.low > 0.0):
+    if (
+        not level
+        or not level[0].judged.scatters
+        or (level[0].saving is not None and not level[0].saving.low > 0.0)
+    ):
         return None
     column = next((name for word in FATIGUE_WORDS for name in level[0].load if word in name), None)
     if column is None:

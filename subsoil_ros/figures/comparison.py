@@ -69,15 +69,17 @@ class Difference:
     """One statistic of one column, of every source; against the first source."""
 
     column: str
-    statistic: str  # of STATISTICS or SHARED, or APART
+    statistic: str  # of STATISTICS or SHARED, or APART; of a quantity of tools another
     values: tuple[float, ...]  # one per source; nan where it has none
     half_widths: tuple[float, ...] = ()  # of SHARED, one per source: 95 % of the difference from the first
     part_half_widths: tuple[float, ...] = ()  # of the difference as a part of the first, itself uncertain
+    whole: float | None = None  # what parts are of; None: the first value
 
     def against_first(self, place: int) -> tuple[float, float]:
         """(difference, part of the first) of the source at `place`."""
         difference = self.values[place] - self.values[0]
-        return difference, difference / abs(self.values[0]) if self.values[0] else math.nan
+        whole = self.values[0] if self.whole is None else self.whole
+        return difference, difference / abs(whole) if whole else math.nan
 
 
 def read_run(folder: Path, label: str) -> Source:
@@ -136,7 +138,7 @@ def labels_of(folders: Sequence[Path]) -> list[str]:
         labels = ["/".join(item[-count:]) for item in parts]
         if len(set(labels)) == len(labels):
             return labels
-    raise InputError(f"{folders[0]}: is named twice; name different runs")
+    raise InputError(f"{folders[0]}: is named twice; name different ones")
 
 
 def usual_columns(folders: Sequence[Path], sources: Sequence[Source]) -> list[str]:
@@ -228,12 +230,11 @@ def _rms_difference(first: Source, other: Source, name: str) -> float:
     return float(np.sqrt(np.mean(apart**2))) if len(apart) else math.nan
 
 
-def write_differences_csv(found: Sequence[Difference], sources: Sequence[Source], path: Path) -> None:
+def write_differences_csv(found: Sequence[Difference], labels: Sequence[str], path: Path) -> None:
     """Write a row per column and statistic: values of the sources, then difference from the first and the
-    difference as a part of the first, each with its half-width of 95 %."""
+    difference as a part of the first, each with its half-width of 95 %. labels: of the sources."""
     import pandas as pd
 
-    labels = [source.label for source in sources]
     heads = [
         f"{kind} {label}"
         for label in labels[1:]
@@ -242,7 +243,7 @@ def write_differences_csv(found: Sequence[Difference], sources: Sequence[Source]
     rows = []
     for item in found:
         row: list[Any] = [item.column, item.statistic, *item.values]
-        for place in range(1, len(sources)):
+        for place in range(1, len(labels)):
             width = item.half_widths[place] if item.half_widths else math.nan
             of_part = item.part_half_widths[place] if item.part_half_widths else math.nan
             difference, part = item.against_first(place)
@@ -253,19 +254,25 @@ def write_differences_csv(found: Sequence[Difference], sources: Sequence[Source]
 
 
 def draw_overlay(sources: Sequence[Source], columns: Sequence[str], path: Path) -> Path:
-    """Draw a panel per column with all sources; the metrics span of the first is shaded."""
+    """Draw a panel per column with all sources, those of one label alike; the metrics span of the first is
+    shaded."""
+    labels = list(dict.fromkeys(source.label for source in sources))
     figure = new_figure(9.0, 0.8 + 2.6 * len(columns))
     panels = figure.subplots(len(columns), 1, sharex=True, squeeze=False)[:, 0]
     for axes, name in zip(panels, columns, strict=True):
         axes.axvspan(*sources[0].span_s, color="#f2e6c9", zorder=0)
-        for k, source in enumerate(sources):
+        named: set[str] = set()
+        for source in sources:
             if name not in source.columns:
                 continue
-            colour = _MEASURED if source.measured else CYCLE[k % len(CYCLE)]
+            colour = _MEASURED if source.measured else CYCLE[labels.index(source.label) % len(CYCLE)]
             times, values = source.columns[TIME], source.columns[name]
             axes.plot(times, values, color=colour, lw=0.6, alpha=0.35)
             smooth = moving_mean(source.columns, name, SMOOTHED_S)
-            axes.plot(times, smooth, color=colour, lw=1.5, label=source.label)
+            axes.plot(
+                times, smooth, color=colour, lw=1.5, label=None if source.label in named else source.label
+            )
+            named.add(source.label)
         axes.set_ylabel(words_of(name), fontsize=8)
         axes.tick_params(labelsize=8)
         axes.grid(alpha=0.3)

@@ -32,6 +32,7 @@ _TUBE_M = 0.012  # radius of the lines of the machine, for appearance only
 _FAR_M = 20.0  # distance of a camera without perspective from its focal point
 _MARGIN = 1.06
 _RADIUS = "radius_m"
+_UNKNOWN = "#bbbbbb"  # colour of particles whose value is not known
 _SMALLEST_FONT = 6  # points, still readable
 
 
@@ -97,31 +98,33 @@ class Renderer:
         self._aim(plotter, view, self._bounds(frame))
 
     def _add_particles(self, plotter: pyvista.Plotter, frame: Frame, keep: NDArray[np.bool_]) -> None:
-        cloud = pyvista.PolyData(frame.positions_m[keep])
-        title, named = {
+        title, values = {
             "speed": ("speed\n[m/s]", frame.speeds_m_per_s),
             "displacement": ("displacement\n[m]", frame.displacements_m),
             "broken": ("broken\nbonds", frame.broken_parts),
         }[self._style.colour]
-        cloud.point_data[title] = named[keep]
-        cloud.point_data[_RADIUS] = frame.radii_m[keep]
-        actor = plotter.add_mesh(
-            cloud,
-            scalars=title,
-            style="points_gaussian",
-            render_points_as_spheres=True,
-            emissive=False,
-            cmap="viridis",
-            clim=self._style.limits,
-            nan_color="#bbbbbb",
-            scalar_bar_args={
-                "title": f"{title}\n", "color": "black", "n_labels": 5, "fmt": "%.3g", "vertical": True,
-                "position_x": 0.9, "position_y": 0.25, "height": 0.5, "width": 0.05,
-                "title_font_size": self._font_size(16), "label_font_size": self._font_size(14),
-            },
-        )  # fmt: skip
-        actor.mapper.scale_factor = 1.0
-        actor.mapper.SetScaleArray(_RADIUS)
+        bar = {
+            "title": f"{title}\n", "color": "black", "n_labels": 5, "fmt": "%.3g", "vertical": True,
+            "position_x": 0.9, "position_y": 0.25, "height": 0.5, "width": 0.05,
+            "title_font_size": self._font_size(16), "label_font_size": self._font_size(14),
+        }  # fmt: skip
+        known = keep & ~np.isnan(values)
+        for part, look in (
+            (
+                known,
+                {"scalars": title, "cmap": "viridis", "clim": self._style.limits, "scalar_bar_args": bar},
+            ),
+            (keep & ~known, {"color": _UNKNOWN}),
+        ):
+            if not part.any():
+                continue
+            cloud = pyvista.PolyData(frame.positions_m[part])
+            cloud.point_data[title], cloud.point_data[_RADIUS] = values[part], frame.radii_m[part]
+            actor = plotter.add_mesh(
+                cloud, style="points_gaussian", render_points_as_spheres=True, emissive=False, **look
+            )
+            actor.mapper.scale_factor = 1.0
+            actor.mapper.SetScaleArray(_RADIUS)
 
     def _font_size(self, points: int) -> int:
         """Font size of a text that has `points` in a picture of 1280 x 720."""

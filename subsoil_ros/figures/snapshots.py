@@ -25,7 +25,7 @@ class Frame:
     time_s: float
     positions_m: NDArray[np.float32]  # (n, 3)
     speeds_m_per_s: NDArray[np.float32]  # (n,)
-    displacements_m: NDArray[np.float32]  # (n,) from the first cloud; nan where that is not known
+    displacements_m: NDArray[np.float32]  # (n,) from the first cloud that has the particle; nan where unknown
     broken_parts: NDArray[np.float32]  # (n,) of the bonds of each; nan where there are none
     radii_m: NDArray[np.float32]  # (n,) the mean radius of all particles where the cloud has none
     identities: NDArray[np.uint64]  # (n,) the same at all times; places in the list in a fixed set
@@ -107,22 +107,25 @@ class Snapshots:
             return
         soil = self._resolved.scene.particle_soil
         axes = [0, 2] if soil is not None and soil.bin.sides == "periodic" else [0, 1, 2]
-        whole = self._resolved.scene.record.cloud_region is None  # else particles come and go
-        whole &= soil is None or soil.window is None
+        of_window = soil is not None and soil.window is not None
+        nameless = not of_window and self._resolved.scene.record.cloud_region is not None  # come and go
         times = {self.times_ns[0], *wanted}
-        start: NDArray[np.float32] | None = None
+        first: NDArray[np.float64] = np.empty((0, 3))  # place of every particle where it was first recorded
         for cloud in self._reader.clouds(
-            self._resolved.timing.communication_step_ns, at=lambda time: time in times
+            self._resolved.timing.communication_step_ns,
+            at=lambda time: time in times or (of_window and time <= max(times)),
         ):
-            positions = np.asarray(cloud.positions_m)
-            start = positions if start is None else start
-            if cloud.end_time_ns not in wanted:
-                continue
-            if whole and len(positions) == len(start):  # particles keep their places in the list
+            positions = np.asarray(cloud.positions_m, dtype=np.float64).reshape(-1, 3)
+            names = np.arange(len(positions)) if cloud.identities is None else np.asarray(cloud.identities)
+            moved = np.full(len(positions), np.nan, dtype=np.float32)
+            if len(positions) and not nameless:
+                missing = max(0, int(names.max()) + 1 - len(first))
+                first = np.concatenate([first, np.full((missing, 3), np.nan)])
+                start = np.where(np.isnan(first[names]), positions, first[names])
+                first[names] = start
                 moved = np.linalg.norm((positions - start)[:, axes], axis=1).astype(np.float32)
-            else:
-                moved = np.full(len(positions), np.nan, dtype=np.float32)
-            yield cloud.end_time_ns, cloud, moved
+            if cloud.end_time_ns in wanted:
+                yield cloud.end_time_ns, cloud, moved
 
 
 def _times_ns(reader: BagReader | JoinedBags, kind: type) -> list[int]:

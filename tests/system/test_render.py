@@ -253,6 +253,8 @@ def test_vtk_series(recorded, resolved, tmp_path):
         (["--range", "2", "1"], "the lower value comes first"),
         (["--film", "film.avi"], "allowed are .mp4 and .gif"),
         (["--fps", "10"], "give --film"),
+        (["--draft"], "give --film"),
+        (["--colour", "broken"], "has no bonds"),
         (["--film", "film.mp4", "--at", "1"], "its first and its last time"),
     ],
 )

@@ -340,13 +340,16 @@ def test_columns_that_are_shown_stand_in_the_ranking() -> None:
 
 
 def test_nothing_is_recommended_without_proof() -> None:
-    """Neither a saving within the scatter, nor a resolved cost, nor one that a single seed shows."""
+    """Neither a saving within the scatter, nor a resolved cost, nor one of a single seed or of equal ones."""
     table, points = made_up((1e5, 1000.1, 1.0), (2e5, 1010.0, 1.0))
     assert recommended(rank(points, table, ["spring.locked=true"], None, 0.95)) is None
     table, points = made_up((1e5, 1100.0, 1.0), (2e5, 1150.0, 1.0))
     assert recommended(rank(points, table, ["spring.locked=true"], None, 0.95)) is None
     table, points = made_up((1e5, 900.0, 1.0), (2e5, 950.0, 1.0))
     assert recommended(rank(points, table[table["seed"] == 0], ["spring.locked=true"], None, 0.95)) is None
+    column = "series.draft_newton.mean"
+    table[column] = table.groupby("point")[column].transform("first")
+    assert recommended(rank(points, table, ["spring.locked=true"], None, 0.95)) is None
 
 
 def test_a_control_drops_what_it_makes_void() -> None:

@@ -13,7 +13,9 @@ from subsoil_ros.analysis.series import read_series_csv
 from subsoil_ros.analysis.stationarity import stationarity
 from subsoil_ros.api.execution import execute
 from subsoil_ros.cli.main import main
-from subsoil_ros.experiments.run_cache import keep_run
+from subsoil_ros.experiments import tool_comparison
+from subsoil_ros.experiments.run_cache import CachedRun, find_run, keep_run
+from subsoil_ros.experiments.sweep_points import Job
 from subsoil_ros.figures.comparison import Source, differences, labels_of, shared_span_s
 from subsoil_ros.loading.loader import load_scene
 
@@ -78,6 +80,42 @@ def test_a_measurement(runs: list[Path], tmp_path: Path, capsys: Captured) -> No
     assert found["draft_newton", "mean"]["difference field.csv"] == pytest.approx(100.0, rel=1e-9)
     assert found["draft_newton", "rms_difference"]["field.csv"] == pytest.approx(100.0, rel=1e-9)
     assert "fuel_kg" not in capsys.readouterr().out
+
+
+@pytest.fixture
+def in_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Runs of scenes without Dask, whose use tests/system/test_sweep.py tests."""
+
+    def run_jobs(jobs: list[Job], cache: Path, *_: object) -> list[CachedRun]:
+        return [
+            find_run(cache, job.scene.scene_hash) or keep_run(cache, job.scene, execute(job.scene))
+            for job in jobs
+        ]
+
+    monkeypatch.setattr(tool_comparison, "run_jobs", run_jobs)
+
+
+@pytest.mark.usefixtures("in_process")
+def test_two_scenes_in_two_fields(runs: list[Path], tmp_path: Path, capsys: Captured) -> None:
+    """Each scene runs with seeds 1 and 2; table, verdict and a page of one file; again, from what is kept."""
+    out, names = tmp_path / "out", []
+    for place, run in enumerate(runs):
+        names.append(str(shutil.copy(run / "scene.yaml", tmp_path / f"t{place}.yaml")))
+    words = ["compare", *names, "--seeds", "2", "--html", "--out", str(out)]
+    for _ in range(2):
+        assert main(words) == 0
+        printed = capsys.readouterr().out
+        assert "t1 - t0" in printed
+        assert "over 2 fields" in printed
+    assert len(list((out / "runs").iterdir())) == 4
+    draft = table(out / "comparison.csv")["draft_newton", "mean_over_fields"]
+    assert draft["t1"] < draft["t0"]
+    page = (out / "comparison.html").read_text()
+    assert "<h1>t1 against t0</h1>" in page
+    assert "data:image/png;base64," in page
+    assert "http" not in page.split("<body>")[1]
+    assert main(["compare", *names, "--out", str(tmp_path / "own")]) == 0
+    assert "within these runs" in capsys.readouterr().out
 
 
 def test_curves_of_other_times_are_compared_where_both_are() -> None:
@@ -179,6 +217,14 @@ def test_labels_are_as_short_as_they_can_be() -> None:
         (["{run}", "--measured", "{tmp}/back.csv"], "time_s does not grow"),
         (["{run}", "--measured", "{tmp}/timeless.csv"], "time_s does not grow"),
         (["{run}", "{other}", "--show", "draft_newtn"], "did you mean 'draft_newton'"),
+        (["{run}", "tine"], "tine is a scene; run the scene first, or name {run}/scene.yaml"),
+        (["{run}", "{other}", "--seeds", "3"], "--seeds: given with folders of runs"),
+        (["{run}", "{other}", "--preset", "coarse"], "--set, --preset: given with folders of runs"),
+        (["tine", "{tmp}/none.yaml"], "none.yaml: is no folder of a run and no scene"),
+        (["tine", "mechanism_only"], "mechanism_only: has no tool in soil"),
+        (["tine", "{tmp}/tine.yaml"], "two of them are the same scene"),
+        (["tine", "tine"], "is named twice"),
+        (["tine", "field_tine", "--seeds", "2", "--measured", "x.csv"], "--seeds: given with --measured"),
     ],
 )
 def test_bad_input(
@@ -188,7 +234,8 @@ def test_bad_input(
     (tmp_path / "other.csv").write_text("time_s,draft_kn\n0,1\n1,2\n")
     (tmp_path / "back.csv").write_text("time_s,draft_newton\n1,1\n0,2\n")
     (tmp_path / "timeless.csv").write_text("time_s,draft_newton\nnan,1\n0.2,2\n")
+    (tmp_path / "tine.yaml").write_text(f"base: {SCENES / 'tine.yaml'}\n")
     filled = [item.format(run=runs[0], other=runs[1], tmp=tmp_path) for item in arguments]
     assert main(["compare", *filled, "--out", str(tmp_path / "out")]) == 2
-    assert words in capsys.readouterr().err
+    assert words.format(run=runs[0]) in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

@@ -1,0 +1,45 @@
+"""A comparison of tools as one self-contained web page: verdict, warnings, table and curves."""
+
+import base64
+from collections.abc import Sequence
+from pathlib import Path
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from .._version import __version__
+
+
+def write_page(
+    path: Path,
+    labels: Sequence[str],
+    verdicts: Sequence[str],
+    warnings: Sequence[str],
+    table: tuple[list[str], list[list[str]]] | None,
+    meaning: str,
+    curves: Path,
+) -> None:
+    """Write the page. table: headings and rows; meaning: of +- in it; curves: a picture, which goes inside.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    headings, rows = table or ([], [])
+    text = environment.get_template("comparison.html.jinja").render(
+        title=" against ".join([*labels[1:], labels[0]]),
+        first=labels[0],
+        verdicts=verdicts,
+        warnings=warnings,
+        headings=headings,
+        rows=rows,
+        meaning=meaning,
+        curves=base64.b64encode(curves.read_bytes()).decode("ascii"),
+        version=__version__,
+    )
+    path.write_text(text, encoding="utf-8")

@@ -1,0 +1,112 @@
+"""Tools beside each other: the verdict in words, quantities over fields, intervals that are not known."""
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+
+from subsoil_ros.analysis.intervals import Interval
+from subsoil_ros.experiments.run_cache import CachedRun
+from subsoil_ros.experiments.tool_comparison import Side, quantities_over_fields
+from subsoil_ros.experiments.verdict import cautions, quantity_rows, verdicts
+from subsoil_ros.figures.comparison import Difference
+
+
+@pytest.mark.parametrize(
+    ("ratio", "half", "fields", "words"),
+    [
+        (0.915, 0.025, 1, "b needs 6.0 to 11.0 % less draft than a: shown"),
+        (1.10, 0.02, 3, "b needs 8.0 to 12.0 % more draft than a: shown"),
+        (1.00, 0.02, 1, "b and a need the same draft to 2.0 %: shown"),
+        (
+            0.98,
+            0.06,
+            1,
+            "b against a: not resolved, -8.0 to +4.0 % of draft; runs 4.0 times as long would resolve 3 %",
+        ),
+        (0.98, 0.06, 3, "b against a: not resolved, -8.0 to +4.0 % of draft; some 5 fields would"),
+        (0.98, math.nan, 1, "b against a: no verdict"),
+        (0.98, 0.0, 1, "b against a: no verdict"),
+    ],
+)  # fmt: skip
+def test_the_verdict_follows_the_interval(ratio: float, half: float, fields: int, words: str) -> None:
+    """Of the difference of the means over shared times, as a part of the first; none without an interval."""
+    found = [
+        Difference("draft_newton", "mean", (900.0, 1.0)),
+        Difference("draft_newton", "shared_mean", (1000.0, 1000.0 * ratio), (0.0, 1.0), (0.0, half)),
+        Difference("tool.tine.force_z_newton", "shared_mean", (1.0, 2.0), (0.0, 0.1), (0.0, 0.1)),
+    ]
+    (line,) = verdicts(found, ["a", "b"], fields)
+    assert line.startswith(words)
+
+
+def side(folder: Path, label: str, drafts: Mapping[int, float], verdict: str = "no drift seen") -> Side:
+    """Runs as folders with what the comparison reads: side force a tenth, section of 0.05 m2."""
+    runs = {}
+    for seed, draft in drafts.items():
+        at = folder / f"{label}{seed}"
+        at.mkdir()
+        runs[seed] = CachedRun(at)
+        (at / "scene.yaml").write_text("soil: {bed: {seed: 0}}\ntools: {tine: {}, gauge: {role: wheel}}\n")
+        series = {
+            "draft_newton": {"mean": draft, "stationarity": {"verdict": verdict, "drift": 0.2}},
+            "tool.tine.force_z_newton": {"mean": -0.2 * draft + seed},
+            "tool.tine.force_y_newton": {"mean": 0.1 * draft},
+            "tool.gauge.force_z_newton": {"mean": 1e6},
+        }
+        summary = {"window": {}, "run": {}, "series": series, "disturbance": {"area_m2": 0.05}}
+        (at / "summary.json").write_text(json.dumps(summary))
+    return Side(label, runs)
+
+
+def test_equal_seeds_are_paired(tmp_path: Path) -> None:
+    """Fields that differ by hundreds of newtons: Student's t of the differences alone; forces in parts of the
+    draft, without wheels; a section that is equal in all fields has no interval."""
+    one = side(tmp_path, "one", {1: 1000.0, 2: 1200.0, 3: 1400.0})
+    two = side(tmp_path, "two", {1: 901.0, 2: 1100.0, 3: 1299.0})
+    found = {item.column: item for item in quantities_over_fields([one, two])}
+    assert list(found) == [
+        "draft_newton",
+        "vertical_force_newton",
+        "side_force_newton",
+        "loosened_section_m2",
+    ]
+    draft, upward = found["draft_newton"], found["vertical_force_newton"]
+    assert draft.values == (1200.0, 1100.0)
+    assert draft.half_widths[1] == pytest.approx(4.3027 / math.sqrt(3.0), rel=1e-4)
+    assert upward.against_first(1) == pytest.approx((20.0, 20.0 / 1200.0))
+    assert math.isnan(found["loosened_section_m2"].half_widths[1])
+    headings, rows = quantity_rows(list(found.values()), ["one", "two"])
+    assert headings == ["quantity", "one", "two", "two - one", "in %"]
+    assert rows[0][1:] == ["1200", "1100", "-100 +- 2.484", "-8.3 +- 3.2"]
+    assert rows[3][1:] == ["500", "500", "+0", "+0.0"]
+
+
+def test_drift_and_unlike_soils_are_said(tmp_path: Path) -> None:
+    """In how many fields and by how much; which parts of the soil differ."""
+    one = side(tmp_path, "one", {1: 1.0, 2: 2.0}, "drifts")
+    two = side(tmp_path, "two", {1: 1.0, 2: 2.0})
+    for seed, run in two.runs.items():
+        soil = f"soil: {{bed: {{seed: {seed}}}, window: {{}}}}\n"
+        (run.folder / "scene.yaml").write_text(soil)
+    drifts, unlike = cautions([one, two])
+    assert drifts.startswith("one: its draft drifts, by +20 % over the window")
+    assert drifts.endswith("(2 of 2 fields)")
+    assert unlike.startswith("two and one differ in soil.bed: ")
+
+
+@pytest.mark.parametrize(
+    ("interval", "words"),
+    [
+        (Interval(-4.21, 0.0, 3), "-4.21"),
+        (Interval(-4.21, math.nan, 1), "-4.21"),
+        (Interval(-4.21, 1e-14, 3), "-4.21"),
+        (Interval(-4.21, 0.0031, 3), "-4.21 +- 0.003"),
+        (Interval(-4.21, 0.31, 3), "-4.21 +- 0.31"),
+    ],
+)
+def test_no_interval_is_printed_as_zero(interval: Interval, words: str) -> None:
+    """Seeds that change nothing are no certainty."""
+    assert interval.text(".2f") == words

@@ -86,8 +86,9 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(f"{args.items[0]}: is one run; name a second one, or a measurement by --measured")
     scenes = _are_scenes(args)
     failed: list[str] = []
+    alike: list[str] = []
     if scenes:
-        sides, failed = _run_scenes(args)
+        sides, failed, alike = _run_scenes(args)
     elif args.out.exists():
         raise InputError(f"--out {args.out}: exists already; results are never written over, name another")
     else:
@@ -121,7 +122,7 @@ def run(args: argparse.Namespace) -> int:
             from ..figures.comparison_page import write_page
 
             paths.append(args.out / "comparison.html")
-            write_page(paths[2], labels, told, warnings, table_of, meaning(fields), paths[1])
+            write_page(paths[2], labels, told, warnings, table_of, meaning(fields, alike), paths[1])
     except OSError as error:
         raise InputError(f"--out {args.out}: cannot be written ({error.strerror}); name another") from error
     console = stdout_console()
@@ -133,7 +134,7 @@ def run(args: argparse.Namespace) -> int:
         console.print(quantity_table)
     if found and (not scenes or args.show):
         _print(found, sources)
-    for line in (*(f"WARNING: {line}" for line in warnings), meaning(fields), *told):
+    for line in (*(f"WARNING: {line}" for line in warnings), meaning(fields, alike), *told):
         print_line(console, line)
     for path in paths:
         print_line(console, f"written: {path}")
@@ -174,7 +175,7 @@ def _are_scenes(args: argparse.Namespace) -> bool:
     return True
 
 
-def _run_scenes(args: argparse.Namespace) -> "tuple[list[Side], list[str]]":
+def _run_scenes(args: argparse.Namespace) -> "tuple[list[Side], list[str], list[str]]":
     require("a comparison of scenes", "dask", "distributed")
     from ..experiments.run_jobs import ExecutionOptions
     from ..experiments.tool_comparison import run_scenes

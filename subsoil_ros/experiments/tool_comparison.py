@@ -12,6 +12,7 @@ from ..analysis.intervals import NO_SCATTER, difference_by_seed, error_by_seed
 from ..analysis.summary import MEAN_DRAFT, flattened, path_of
 from ..errors import InputError
 from ..figures.comparison import SHARED, Difference, Source, differences, labels_of
+from ..loading.loader import ResolvedScene, load_scene
 from ..yaml_document import Document, dump_yaml
 from .run_cache import CachedRun
 from .run_jobs import ExecutionOptions, Watcher, run_jobs
@@ -60,8 +61,9 @@ def run_scenes(
     out: Path,
     manner: ExecutionOptions,
     watcher: Watcher,
-) -> tuple[list[Side], list[str]]:
-    """Run what has not been run of each scene with each seed; return the sides and what failed.
+) -> tuple[list[Side], list[str], list[str]]:
+    """Run what has not been run of each scene with each seed; return the sides, what failed, and the changes
+    that gave them one soil.
 
     Without seeds each runs once, as it is written.
 
@@ -70,8 +72,9 @@ def run_scenes(
         SubsoilError: a scene failed with every seed, or no seed is left that all have.
     """
     labels = labels_of([path.with_suffix("") for path in scenes])
+    alike = _one_soil([load_scene(path, overrides) for path in scenes])
     each = [
-        jobs_of(str(path), overrides, (Point({}, name=label),), seeds)
+        jobs_of(str(path), [*alike, *overrides], (Point({}, name=label),), seeds)
         for path, label in zip(scenes, labels, strict=True)
     ]
     for path, (job, *_) in zip(scenes, each, strict=True):
@@ -80,7 +83,7 @@ def run_scenes(
     if len({jobs[0].scene.scene_hash for jobs in each}) < len(each):
         raise InputError(f"{', '.join(map(str, scenes))}: two of them are the same scene; change one of them")
     open_folder(out, REQUEST)
-    request = {"scenes": [str(path) for path in scenes], "set": list(overrides), "seeds": list(seeds)}
+    request = {"scenes": [str(path) for path in scenes], "set": [*alike, *overrides], "seeds": list(seeds)}
     write_whole(out / REQUEST, lambda part: part.write_text(dump_yaml(request), encoding="utf-8"))
     jobs = [job for of_one in each for job in of_one]
     runs = dict(zip(((job.point.name, job.point.seed or 0) for job in jobs),
@@ -95,7 +98,23 @@ def run_scenes(
     if not good:
         name, run = next((key[0], run) for key, run in runs.items() if run.failure)
         raise run.error(f"{name}: nothing is left to compare")
-    return [Side(label, {seed: runs[label, seed] for seed in sorted(good)}) for label in labels], failed
+    sides = [Side(label, {seed: runs[label, seed] for seed in sorted(good)}) for label in labels]
+    return sides, failed, alike
+
+
+def _one_soil(scenes: Sequence[ResolvedScene]) -> list[str]:
+    """Changes that give scenes the finest particles that their one preset, and the widest and deepest field
+    that a scene in short, derives from one of the tools: both change the draft."""
+    soils = [scene.scene.particle_soil for scene in scenes]
+    radii = {0.5 * sum(soil.particles.bounds_m) for soil in soils if soil is not None}
+    changes = []
+    if None not in (presets := {scene.preset for scene in scenes}) and len(presets) == 1 and len(radii) > 1:
+        changes += [f"preset={scenes[0].preset}", f"soil.particles.radius_m={min(radii):g}"]
+    bins = {(soil.bin.width_m, soil.bin.depth_m) for soil in soils if soil is not None}
+    if len(bins) > 1 and all("soil.bin" in {item.key for item in scene.derived} for scene in scenes):
+        width_m, depth_m = map(max, zip(*bins, strict=True))
+        changes += [f"soil.bin.width_m={width_m:g}", f"soil.bin.depth_m={depth_m:g}"]
+    return changes
 
 
 def quantities_of_runs(sides: Sequence[Side], sources: Sequence[Source]) -> list[Difference]:

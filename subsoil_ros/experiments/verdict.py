@@ -38,14 +38,16 @@ def _number(value: float) -> str:
     return "-" if math.isnan(value) else f"{value:.4g}"
 
 
-def meaning(fields: int) -> str:
-    """What +- in the table means."""
-    if fields > 1:
-        return f"+-: 95 % interval of the mean difference over {fields} fields, Student's t on equal seeds"
-    return (
-        "+-: 95 % interval of the difference within these runs, from the scatter along them. One field is "
-        "one sample of the soil, and what another would change is not in it: scenes with --seeds 3 tell"
+def meaning(fields: int, alike: Sequence[str] = ()) -> str:
+    """What +- in the table means, and what was given to all sides."""
+    told = (
+        f"+-: 95 % interval of the mean difference over {fields} fields, Student's t on equal seeds"
+        if fields > 1
+        else "+-: 95 % interval of the difference within these runs, from the scatter along them. One field "
+        "is one sample of the soil, and what another would change is not in it: scenes with --seeds 3 tell"
     )
+    given = f". All have the finest particles and the largest field of any of them: {', '.join(alike)}"
+    return told + given if alike else told
 
 
 def cautions(sides: Sequence[Side]) -> Iterator[str]:
@@ -99,6 +101,7 @@ def verdicts(found: Sequence[Difference], labels: Sequence[str], fields: int = 1
         assert item is not None
         part, half = item.against_first(place)[1], item.part_half_widths[place]
         who, first = labels[place], labels[0]
+        shown = "shown" if fields > 1 else "shown in this field"
         if math.isnan(part) or math.isnan(half) or half < NO_SCATTER:
             yield (
                 f"{who} against {first}: no verdict, as no interval is known: the runs are too short, or "
@@ -108,14 +111,14 @@ def verdicts(found: Sequence[Difference], labels: Sequence[str], fields: int = 1
         low, high = 100.0 * (abs(part) - half), 100.0 * (abs(part) + half)
         if low > 0.0:
             word = "less" if part < 0.0 else "more"
-            told = f"{who} needs {low:.1f} to {high:.1f} % {word} draft than {first}: shown"
+            told = f"{who} needs {low:.1f} to {high:.1f} % {word} draft than {first}: {shown}"
         elif half <= RESOLVED:
-            told = f"{who} and {first} need the same draft to {high:.1f} %: shown"
+            told = f"{who} and {first} need the same draft to {high:.1f} %: {shown}"
         else:
             ends = f"{100.0 * (part - half):+.1f} to {100.0 * (part + half):+.1f} % of draft"
             told = f"{who} against {first}: not resolved, {ends}; {_enough(half, fields)} would resolve "
             told += f"{100.0 * RESOLVED:.0f} %"
-        sample = "on this sample of soil; another soil.bed.seed is another sample"
+        sample = "another soil.bed.seed is another field"
         yield f"{told} (95 %, {f'over {fields} fields' if fields > 1 else sample})"
 
 

@@ -9,17 +9,18 @@ import pytest
 
 from subsoil_ros.analysis.intervals import Interval
 from subsoil_ros.experiments.run_cache import CachedRun
-from subsoil_ros.experiments.tool_comparison import Side, quantities_over_fields
+from subsoil_ros.experiments.tool_comparison import Side, _one_soil, quantities_over_fields
 from subsoil_ros.experiments.verdict import cautions, quantity_rows, verdicts
 from subsoil_ros.figures.comparison import Difference
+from subsoil_ros.loading.loader import load_scene
 
 
 @pytest.mark.parametrize(
     ("ratio", "half", "fields", "words"),
     [
-        (0.915, 0.025, 1, "b needs 6.0 to 11.0 % less draft than a: shown"),
+        (0.915, 0.025, 1, "b needs 6.0 to 11.0 % less draft than a: shown in this field"),
         (1.10, 0.02, 3, "b needs 8.0 to 12.0 % more draft than a: shown"),
-        (1.00, 0.02, 1, "b and a need the same draft to 2.0 %: shown"),
+        (1.00, 0.02, 1, "b and a need the same draft to 2.0 %: shown in this field"),
         (
             0.98,
             0.06,
@@ -110,3 +111,26 @@ def test_drift_and_unlike_soils_are_said(tmp_path: Path) -> None:
 def test_no_interval_is_printed_as_zero(interval: Interval, words: str) -> None:
     """Seeds that change nothing are no certainty."""
     assert interval.text(".2f") == words
+
+
+def test_scenes_in_short_get_one_soil(tmp_path: Path) -> None:
+    """The finest particles and the largest field that one of the tools asks for; what a scene gives stays."""
+    scenes = []
+    for name in ("share", "shank"):
+        path = tmp_path / f"{name}.yaml"
+        mesh = load_scene("tine").directory / f"../meshes/{name}.stl"
+        path.write_text(
+            f"soil: loam\ntools: {{tine: {{mesh: {mesh}, depth_m: 0.2, speed_m_per_s: 0.5}}}}\ntravel_m: 3\n",
+            encoding="utf-8",
+        )
+        scenes.append(path)
+    apart = [load_scene(path) for path in scenes]
+    together = [load_scene(path, _one_soil(apart)) for path in scenes]
+    soils = [scene.scene.particle_soil for scene in together]
+    finest = min(scene.scene.particle_soil.particles.bounds_m for scene in apart)
+    assert [soil.particles.bounds_m for soil in soils] == [pytest.approx(finest)] * 2
+    assert apart[0].scene.particle_soil.particles != apart[1].scene.particle_soil.particles
+    assert soils[0].bin == soils[1].bin != apart[1].scene.particle_soil.bin
+    assert soils[0].surface == soils[1].surface
+    given = [load_scene(path, ["soil.particles.radius_m=0.02"]) for path in scenes]
+    assert not any("radius_m" in change for change in _one_soil(given))

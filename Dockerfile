@@ -1,5 +1,5 @@
 # docker build --tag subsoil .
-# docker run --rm --user "$(id -u):$(id -g)" --volume "$PWD/runs:/data/runs" subsoil run tine --out runs/first
+# docker run --rm --user "$(id -u):$(id -g)" --volume "$PWD/runs:/data/runs" subsoil run field_tine --preset coarse --out runs/first
 FROM debian:bookworm-slim
 
 RUN apt-get update \

@@ -252,6 +252,7 @@ def open_run(
         InputError: the scene cannot be run, or the folder exists or cannot be made; nothing was written.
     """
     resolved = settings.resolved
+    _refuse_existing(out)  # before what takes long
     resumed, warnings = (None, []) if resume is None else find_checkpoint(resume, resolved)
     try:
         joins = resolved.scene.external_machine and machine is None
@@ -302,10 +303,16 @@ def _prepare_bed(resolved: ResolvedScene, threads: int, progress: "BedProgress |
         prepare_bed_first(resolved, threads, progress)
 
 
+def _refuse_existing(out: Path) -> None:
+    if out.exists():
+        raise InputError(f"{out}: exists already; results are never written over, name another")
+
+
 def _create_folder(out: Path) -> None:
     try:
         out.mkdir(parents=True)
     except FileExistsError:
-        raise InputError(f"{out}: exists already; results are never written over, name another") from None
+        _refuse_existing(out)
+        raise
     except OSError as error:
         raise InputError(f"{out}: cannot be created ({error.strerror}); name a folder that can") from error

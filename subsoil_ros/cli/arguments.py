@@ -24,7 +24,8 @@ def add_overrides(parser: argparse.ArgumentParser) -> None:
         action="append",
         type=lambda name: f"preset={name}",
         metavar="NAME",
-        help="a preset of the scene, as coarse, standard or fine (default: the scene as it is written)",
+        help="a preset of the scene, as coarse, standard or fine (default: the scene as it is written; "
+        "of a scene in short standard)",
     )
 
 

@@ -14,6 +14,7 @@ from .arguments import add_manner, add_overrides, positive_count
 from .output import print_line, stdout_console, table
 
 if TYPE_CHECKING:
+    from ..experiments.run_cache import CachedRun
     from ..experiments.tool_comparison import Side
     from ..figures.comparison import Difference, Source
 
@@ -122,7 +123,8 @@ def run(args: argparse.Namespace) -> int:
             from ..figures.comparison_page import write_page
 
             paths.append(args.out / "comparison.html")
-            write_page(paths[2], labels, told, warnings, table_of, meaning(fields, alike), paths[1])
+            tops = [_made_with(side.first) for side in sides]
+            write_page(paths[2], labels, told, warnings, table_of, meaning(fields, alike), paths[1], tops)
     except OSError as error:
         raise InputError(f"--out {args.out}: cannot be written ({error.strerror}); name another") from error
     console = stdout_console()
@@ -139,6 +141,16 @@ def run(args: argparse.Namespace) -> int:
     for path in paths:
         print_line(console, f"written: {path}")
     return 0
+
+
+def _made_with(run: "CachedRun") -> list[tuple[str, str]]:
+    """What a run was made with, in words."""
+    from ..loading.loader import load_scene
+    from ..run_results import heading_rows
+
+    resolved = load_scene(run.folder / "scene.yaml")
+    rows = [*heading_rows(run.metrics, resolved), ("simulated", f"{resolved.scene.duration_s:g} s")]
+    return [*rows, ("preset", resolved.preset)] if resolved.preset else rows
 
 
 def _are_scenes(args: argparse.Namespace) -> bool:

@@ -13,7 +13,7 @@ from ..analysis.summary import MEAN_DRAFT, flattened, path_of
 from ..errors import InputError
 from ..figures.comparison import SHARED, Difference, Source, differences, labels_of
 from ..loading.loader import ResolvedScene, load_scene
-from ..yaml_document import Document, dump_yaml
+from ..yaml_document import Document, dump_yaml, read_document
 from .run_cache import CachedRun
 from .run_jobs import ExecutionOptions, Watcher, run_jobs
 from .run_sweep import RUNS, open_folder, write_whole
@@ -84,6 +84,13 @@ def run_scenes(
         raise InputError(f"{', '.join(map(str, scenes))}: two of them are the same scene; change one of them")
     open_folder(out, REQUEST)
     request = {"scenes": [str(path) for path in scenes], "set": [*alike, *overrides], "seeds": list(seeds)}
+    if (out / REQUEST).is_file():
+        before = read_document(out / REQUEST, str(out / REQUEST))
+        if any(before.get(key) != request[key] for key in ("scenes", "set")):
+            raise InputError(
+                f"--out {out}: holds another comparison ({REQUEST}); more seeds may be added to it, but for "
+                "other scenes or values name another folder"
+            )
     write_whole(out / REQUEST, lambda part: part.write_text(dump_yaml(request), encoding="utf-8"))
     jobs = [job for of_one in each for job in of_one]
     runs = dict(zip(((job.point.name, job.point.seed or 0) for job in jobs),

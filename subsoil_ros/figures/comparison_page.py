@@ -2,6 +2,7 @@
 
 import base64
 from collections.abc import Sequence
+from itertools import chain
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -17,8 +18,10 @@ def write_page(
     table: tuple[list[str], list[list[str]]] | None,
     meaning: str,
     curves: Path,
+    tops: Sequence[Sequence[tuple[str, str]]] = (),
 ) -> None:
-    """Write the page. table: headings and rows; meaning: of +- in it; curves: a picture, which goes inside.
+    """Write the page. table: headings and rows; meaning: of +- in it; curves: a picture, which goes inside;
+    tops: of each run, what it was made with, as run_results.heading_rows.
 
     Raises:
         OSError: it cannot be written.
@@ -31,9 +34,12 @@ def write_page(
         lstrip_blocks=True,
     )
     headings, rows = table or ([], [])
+    words = [dict(top) for top in tops]
+    made = {name: [top.get(name, "") for top in words] for name in dict.fromkeys(chain(*words))}
     text = environment.get_template("comparison.html.jinja").render(
         title=" against ".join([*labels[1:], labels[0]]),
-        first=labels[0],
+        labels=labels,
+        made=made,
         verdicts=verdicts,
         warnings=warnings,
         headings=headings,

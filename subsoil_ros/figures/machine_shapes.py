@@ -12,7 +12,7 @@ from ..scene.mechanism import GROUND, Driver, Mechanism, SpringDamper, WheelCont
 from ..scene.tool_mesh import ToolMesh, load_tool_mesh, posed_vertices_m, reference_angle
 from .snapshots import Frame
 
-COLOURS = {"tool": "#9aa0a6", "body": "#3c4043", "spring": "#c55a11"}
+COLOURS = {"tool": "#9aa0a6", "body": "#3c4043", "spring": "#c55a11", "soil": "#806040"}
 
 RIM_CORNERS = 48
 """Corners of the circle that is drawn for a wheel without a mesh; only its appearance depends on it."""

@@ -242,7 +242,7 @@ def _refuse_other_law(soil: WedgeSoil, fitted_to: Scene) -> None:
 def _work(scene: Scene, name: str, share: CuttingFace, rake: float) -> list[tuple[str, str, float]]:
     """(name, key of SoilRange, value) of what a tool is to do: on a path, or in the reference pose."""
     tool = scene.tools[name]
-    work = [("rake", "rake_rad", rake)]
+    work = [("mean rake of its lowest group", "rake_rad", rake)]
     if tool.path is not None:
         path = tool.path
         turn = _start_pitch(path)
@@ -261,10 +261,17 @@ def _work(scene: Scene, name: str, share: CuttingFace, rake: float) -> list[tupl
 
 def _in_range(place: str, what: str, key: str, value: float, fitted: SoilRange, beyond: bool) -> list[str]:
     low, high = getattr(fitted, key)
-    unit = {"depth_m": "m", "speed_m_per_s": "m/s", "rake_rad": "rad"}[key]
+    unit, factor = {
+        "depth_m": ("m", 1.0),
+        "speed_m_per_s": ("m/s", 1.0),
+        "rake_rad": ("deg", 180.0 / math.pi),
+    }[key]
     if low <= value <= high:
         return []
-    text = f"{place}: {what} {value:.4g} {unit} is outside the range {low:.4g} to {high:.4g} {unit} that"
+    text = (
+        f"{place}: {what} {factor * value:.4g} {unit} is outside the range {factor * low:.4g} to "
+        f"{factor * high:.4g} {unit} that"
+    )
     if not beyond and not low / RANGE_MARGIN <= value <= high * RANGE_MARGIN:
         raise SceneError(
             f"{text} soil.file was fitted in, by more than {RANGE_MARGIN:g} times; fit it further, or add "

@@ -25,9 +25,10 @@ from subsoil_ros.loading.loader import load_scene
             0.98,
             0.06,
             1,
-            "b against a: not resolved, -8.0 to +4.0 % of draft; runs 4.0 times as long would resolve 3 %",
+            "b against a: not resolved, -8.0 to +4.0 % of draft; runs 4.0 times as long would resolve a "
+            "difference of 3 %",
         ),
-        (0.98, 0.06, 3, "b against a: not resolved, -8.0 to +4.0 % of draft; some 5 fields would"),
+        (0.98, 0.06, 3, "b against a: not resolved, -8.0 to +4.0 % of draft; some 5 fields in all"),
         (0.98, math.nan, 1, "b against a: no verdict"),
         (0.98, 0.0, 1, "b against a: no verdict"),
     ],
@@ -92,7 +93,8 @@ def test_drift_and_unlike_soils_are_said(tmp_path: Path) -> None:
     for seed, run in two.runs.items():
         soil = f"soil: {{bed: {{seed: {seed}}}, window: {{}}}}\n"
         (run.folder / "scene.yaml").write_text(soil)
-    drifts, unlike = cautions([one, two])
+    few, drifts, unlike = cautions([one, two])
+    assert few.startswith("two fields: ")
     assert drifts.startswith("one: its draft drifts, by +20 % over the window")
     assert drifts.endswith("(2 of 2 fields)")
     assert unlike.startswith("two and one differ in soil.bed: ")

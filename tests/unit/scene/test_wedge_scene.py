@@ -145,7 +145,8 @@ def test_a_little_out_of_range_is_a_warning(
     """Up to 1.2 times the range the force is extrapolated, and that is said."""
     (note,) = wedge(file=soil_file(**{key: (low, high)})).notes
     assert note.startswith("warning: tools.tine: ")
-    assert f"outside the range {low:g} to {high:g}" in note
+    factor = 180.0 / math.pi if key == "rake_rad" else 1.0  # an angle is told in degrees
+    assert f"outside the range {factor * low:.4g} to {factor * high:.4g}" in note
 
 
 @pytest.mark.parametrize(

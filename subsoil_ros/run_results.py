@@ -184,6 +184,9 @@ def _rounded(value: float | None) -> str:
     return f"{value:.0f}" if abs(value) >= 1e3 else f"{value:.4g}"
 
 
+UNSEEN_DRIFT = 0.1
+"""Half-width of a trend, as a part of the mean, above which it is said that a drift may hide in it."""
+
 HEADINGS = ("quantity", "unit", "ours", "reference", "band", "difference", "agrees", "source")
 RESULT_HEADINGS = ("quantity", "value", "half_width", "unit")
 WORDS = ("quantity", "unit", "agrees", "source")
@@ -392,7 +395,10 @@ def _stationarity(summary: Summary) -> str:
     drift, half = steady.drift, steady.drift_half_width
     if drift is not None and half is not None:
         words += f", trend over the window {100.0 * drift:+.1f} +- {100.0 * half:.1f} %"
-    return f"{words}: {steady.verdict}"
+    words += f": {steady.verdict}"
+    if not warning and half is not None and half > UNSEEN_DRIFT:
+        words += f" (one of less than {100.0 * half:.0f} % would not show; a longer run shows it)"
+    return words
 
 
 def _vertical(summary: Summary) -> str:

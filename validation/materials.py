@@ -32,7 +32,7 @@ from subsoil_ros.experiments.element_tests import (
     plane_strain,
     prepare_cell,
 )
-from subsoil_ros.loading.files import material_names, shipped_material
+from subsoil_ros.loading.files import shipped_material, shipped_names
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.loading.material_file import read_material
 from subsoil_ros.scene.material import RADIUS_SPREAD
@@ -131,7 +131,7 @@ def off(soil: str, found: Sequence[Found]) -> tuple[float, float, float, bool]:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Prints the table. Returns 1 if a soil is not what its file says."""
     parser = argparse.ArgumentParser(prog="python -m validation.materials", description=main.__doc__)
-    parser.add_argument("--soils", nargs="+", default=material_names())
+    parser.add_argument("--soils", nargs="+", default=shipped_names("materials"))
     parser.add_argument("--radii-mm", nargs="+", type=float, default=[10.0, 15.0])
     parser.add_argument("--cell-m", type=float)
     parser.add_argument("--solid-fractions", nargs="+", type=float)

@@ -339,7 +339,7 @@ def test_no_particle_code_is_imported(tmp_path):
     head = (tmp_path / "out" / "series.csv").read_text().splitlines()[0].split(",")
     assert not [name for name in head if name.startswith("soil.")]  # nothing to monitor, nothing invented
     figures = sorted(path.name for path in (tmp_path / "out" / "figures").iterdir())
-    assert figures == ["draft.png", "over_travel.png"]
+    assert figures == ["draft.png", "over_travel.png", "tool.png"]
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["particles"]["count"] == 0
 
 

@@ -5,9 +5,8 @@ from collections.abc import Sequence
 from itertools import chain
 from pathlib import Path
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
 from .._version import __version__
+from .plotting import page_template
 
 
 def write_page(
@@ -26,17 +25,10 @@ def write_page(
     Raises:
         OSError: it cannot be written.
     """
-    environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     headings, rows = table or ([], [])
     words = [dict(top) for top in tops]
     made = {name: [top.get(name, "") for top in words] for name in dict.fromkeys(chain(*words))}
-    text = environment.get_template("comparison.html.jinja").render(
+    text = page_template("comparison.html.jinja").render(
         title=" against ".join([*labels[1:], labels[0]]),
         labels=labels,
         made=made,

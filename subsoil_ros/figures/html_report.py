@@ -5,7 +5,6 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from plotly.offline import get_plotlyjs
 
 from ..analysis.summarize import versions
@@ -22,6 +21,7 @@ from ..run_results import (
     summary_facts,
 )
 from .interactive_plots import RunData, interactive_plots
+from .plotting import page_template
 from .replay import replay
 from .snapshots import Snapshots
 
@@ -49,14 +49,7 @@ def write_html(directory: Path, bag: Path, run: RunData, pictures: Sequence[Path
     resolved, summary = run.resolved, run.summary
     facts = summary_facts(summary)
     reference, document = resolved.reference, summary.document()
-    environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    template = environment.get_template("report.html.jinja")
+    template = page_template("report.html.jinja")
     figures, left_out = _figures(pictures)
     content = {
         "name": resolved.scene.name,

@@ -1,9 +1,13 @@
 """Code that all figures share."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+
+if TYPE_CHECKING:
+    from jinja2 import Template
 
 COLOURS = {"main": "#1f4e79", "share": "#c55a11", "wheels": "#548235", "reference": "#7f7f7f"}
 CYCLE = ("#1f4e79", "#c55a11", "#548235", "#7030a0", "#bf9000", "#a31515", "#008080", "#7f7f7f", "#4d4d4d")
@@ -30,3 +34,17 @@ def save_figure(figure: Figure, path: Path) -> Path:
     """Write a PNG."""
     figure.savefig(path, dpi=_DPI)
     return path
+
+
+def page_template(name: str) -> "Template":
+    """A template of this folder for a web page; what it is given is escaped, and must be complete."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined  # of an extra that not all figures need
+
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(name)

@@ -118,7 +118,11 @@ class Snapshots:
             positions = np.asarray(cloud.positions_m, dtype=np.float64).reshape(-1, 3)
             names = np.arange(len(positions)) if cloud.identities is None else np.asarray(cloud.identities)
             moved = np.full(len(positions), np.nan, dtype=np.float32)
-            if len(positions) and not nameless:
+            unlike = cloud.identities is None and len(first) not in (
+                0,
+                len(positions),
+            )
+            if len(positions) and not (nameless or unlike):
                 missing = max(0, int(names.max()) + 1 - len(first))
                 first = np.concatenate([first, np.full((missing, 3), np.nan)])
                 start = np.where(np.isnan(first[names]), positions, first[names])

@@ -18,6 +18,7 @@ EXTRA_OF = {
     "mujoco": "mujoco",
     "networkx": "cad",
     "numba_cuda": "gpu",
+    "optuna": "study",
     "plotly": "report",
     "pyarrow": "study",
     "pyvista": "render",

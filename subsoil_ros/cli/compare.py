@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from ..experiments.tool_comparison import Side
     from ..figures.comparison import Difference, Source
 
+LEAST_FIELDS, MOST_FIELDS = 3, 12
+"""Fields of --until: two have an interval that no tool is judged by."""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
@@ -33,6 +36,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=positive_count,
         metavar="N",
         help="run each scene in N fields, seeds 1 to N, and compare equal seeds (default: once, as written)",
+    )
+    parser.add_argument(
+        "--until",
+        type=_percent_of_draft,
+        metavar="PERCENT",
+        help="add fields, 3 at least and --seeds at most (default: 12), until the difference of draft is "
+        "known to +- so many percent",
     )
     add_overrides(parser)
     add_manner(parser, workers=None)
@@ -63,6 +73,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="folder for figure and table; must not exist, or of scenes: new or begun before",
     )
+
+
+def _percent_of_draft(text: str) -> float:
+    try:
+        percent = float(text)
+    except ValueError:
+        percent = math.nan
+    if not 0.0 < percent < 100.0:
+        raise argparse.ArgumentTypeError(f"'{text}' is no number between 0 and 100")
+    return percent
 
 
 def run(args: argparse.Namespace) -> int:
@@ -168,7 +188,11 @@ def _are_scenes(args: argparse.Namespace) -> bool:
             f"scene first, or name {kinds[True] / 'scene.yaml'}, so that both run in the same fields"
         )
     if True in kinds:
-        for flag, given in (("--seeds", args.seeds), ("--set, --preset", args.overrides)):
+        for flag, given in (
+            ("--seeds", args.seeds),
+            ("--until", args.until),
+            ("--set, --preset", args.overrides),
+        ):
             if given:
                 raise InputError(
                     f"{flag}: given with folders of runs, which have been run; name scenes, as "
@@ -180,9 +204,9 @@ def _are_scenes(args: argparse.Namespace) -> bool:
             raise InputError(
                 f"{path}: is no folder of a run and no scene; name what `subsoil run` made, or a scene"
             )
-    if args.measured is not None and (args.seeds or 1) > 1:
+    if args.measured is not None and ((args.seeds or 1) > 1 or args.until):
         raise InputError(
-            "--seeds: given with --measured, which is compared with one run; leave out one of them"
+            "--seeds or --until: given with --measured, which is compared with one run; leave out one of them"
         )
     return True
 
@@ -190,13 +214,22 @@ def _are_scenes(args: argparse.Namespace) -> bool:
 def _run_scenes(args: argparse.Namespace) -> "tuple[list[Side], list[str], list[str]]":
     require("a comparison of scenes", "dask", "distributed")
     from ..experiments.run_jobs import ExecutionOptions
-    from ..experiments.tool_comparison import run_scenes
+    from ..experiments.tool_comparison import run_scenes, widest_of_draft
     from .progress import SweepProgress
 
     manner = ExecutionOptions(args.scheduler, args.workers, args.threads, args.retry_failed)
-    seeds = range(1, args.seeds + 1) if args.seeds else ()
-    with SweepProgress("compare") as progress:
-        return run_scenes(args.items, args.overrides, seeds, args.out, manner, progress)
+    counts = [args.seeds or 0]
+    if args.until:
+        counts = list(range(LEAST_FIELDS, (args.seeds or MOST_FIELDS) + 1))
+        if not counts:
+            raise InputError(f"--seeds {args.seeds}: --until begins with {LEAST_FIELDS} fields; give as many")
+    for count in counts:
+        seeds = range(1, count + 1)
+        with SweepProgress("compare") as progress:
+            found = run_scenes(args.items, args.overrides, seeds, args.out, manner, progress)
+        if args.until and 100.0 * widest_of_draft(found[0]) <= args.until:
+            break
+    return found
 
 
 def _refuse_unknown(columns: Sequence[str], sources: "Sequence[Source]") -> None:

@@ -20,6 +20,7 @@ VERBS = {
     "render": "pictures or a film of soil and machine, or VTK files for ParaView",
     "compare": "compare tools by scenes or runs, in words; or runs with a measured CSV",
     "sweep": "run a scene with every combination of values; one table (CSV, Parquet), figure and ranking",
+    "optimise": "search the values of keys that need the least of a quantity, as draft per loosened section",
     "study": "sweep the factors of a scene against a reference run: errors with intervals, and wall time",
     "soil-test": "test the soil of a scene: strength, stiffness, density, angle of repose",
     "calibrate": "fit particles to a laboratory's soil, or a wedge model to runs with particles",

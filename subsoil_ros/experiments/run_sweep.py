@@ -17,7 +17,7 @@ from ..yaml_document import dump_yaml
 from .run_cache import CachedRun
 from .run_jobs import ExecutionOptions, Watcher, run_jobs
 from .run_metrics import metrics_of
-from .sweep_points import Job, Point, Variation, as_text, combinations, jobs_of
+from .sweep_points import Job, Point, Variation, as_text, combinations, jobs_of, one_soil
 from .sweep_ranking import Ranked, control_point, point_key, rank, ranking_table, recommended
 
 REQUEST = "sweep.yaml"
@@ -53,11 +53,13 @@ class Sweep:
         return combinations(self.varied, self.paired)
 
     def jobs(self) -> tuple[Job, ...]:
-        """Every run, controls last, each once. Raises as jobs_of and combinations."""
+        """Every run, controls last, each once, all in one soil. Raises as jobs_of and combinations."""
         points = self.points()
         controls = [control_point(point, self.control) for point in points] if self.control else []
         unique = {point_key(point): point for point in (*points, *controls)}
-        return jobs_of(self.scene, self.overrides, tuple(unique.values()), self.seeds)
+        runs = tuple(unique.values())
+        alike = one_soil([job.scene for job in jobs_of(self.scene, self.overrides, runs)])
+        return jobs_of(self.scene, [*alike, *self.overrides], runs, self.seeds)
 
     def document(self) -> dict[str, object]:
         """The request as a document, for the folder."""
@@ -122,7 +124,7 @@ def run_sweep(
     empty = sum(run.failure is None and run.metrics.window.whole_run for run in runs)
     paths = [*write_table(table, out / "sweep")]
     if any(run.failure is None for run in runs):
-        _refuse_unknown(shown, table)
+        refuse_unknown(shown, table, "--show")
     by_point = table.assign(point=[point_key(job.point) for job in jobs])
     ranked = rank(sweep.points(), by_point, sweep.control, spring, CONFIDENCE, shown)
     proven = not sweep.control or (bool(ranked) and ranked[0].saving is not None)
@@ -149,14 +151,15 @@ def _usual_columns(table: pd.DataFrame, spring: str | None) -> list[str]:
     return [name for name in names if name in table]
 
 
-def _refuse_unknown(columns: Sequence[str], table: pd.DataFrame) -> None:
+def refuse_unknown(columns: Sequence[str], table: pd.DataFrame, flag: str) -> None:
+    """Raise InputError for a column that the table of runs has not."""
     unknown = [name for name in columns if name not in table]
     if unknown:
         near = difflib.get_close_matches(unknown[0], [str(name) for name in table.columns], n=3)
         hint = f"; near it are {', '.join(near)}" if near else ""
         raise InputError(
-            f"--show {unknown[0]}: no such column{hint}. All runs are kept and sweep.csv, which names the "
-            "columns, is written; the same command with another --show ranks them"
+            f"{flag} {unknown[0]}: no such column{hint}. All runs are kept, and the table beside them names "
+            f"the columns; the same command with another {flag} continues from them"
         )
 
 

@@ -105,6 +105,21 @@ class Job:
     scene: ResolvedScene
 
 
+def one_soil(scenes: Sequence[ResolvedScene]) -> list[str]:
+    """Changes that give scenes the finest particles that their one preset, and the widest and deepest field
+    that a scene in short, derives from one of the tools: both change the draft."""
+    soils = [scene.scene.particle_soil for scene in scenes]
+    radii = {0.5 * sum(soil.particles.bounds_m) for soil in soils if soil is not None}
+    changes = []
+    if None not in (presets := {scene.preset for scene in scenes}) and len(presets) == 1 and len(radii) > 1:
+        changes += [f"preset={scenes[0].preset}", f"soil.particles.radius_m={min(radii):g}"]
+    bins = {(soil.bin.width_m, soil.bin.depth_m) for soil in soils if soil is not None}
+    if len(bins) > 1 and all("soil.bin" in {item.key for item in scene.derived} for scene in scenes):
+        width_m, depth_m = map(max, zip(*bins, strict=True))
+        changes += [f"soil.bin.width_m={width_m:g}", f"soil.bin.depth_m={depth_m:g}"]
+    return changes
+
+
 def jobs_of(
     path: str, common: Sequence[str], points: Sequence[Point], seeds: Sequence[int] = ()
 ) -> tuple[Job, ...]:

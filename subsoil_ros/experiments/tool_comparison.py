@@ -12,12 +12,12 @@ from ..analysis.intervals import NO_SCATTER, difference_by_seed, error_by_seed
 from ..analysis.summary import MEAN_DRAFT, flattened, path_of
 from ..errors import InputError
 from ..figures.comparison import SHARED, Difference, Source, differences, labels_of
-from ..loading.loader import ResolvedScene, load_scene
+from ..loading.loader import load_scene
 from ..yaml_document import Document, dump_yaml, read_document
 from .run_cache import CachedRun
 from .run_jobs import ExecutionOptions, Watcher, run_jobs
 from .run_sweep import RUNS, open_folder, write_whole
-from .sweep_points import Point, jobs_of
+from .sweep_points import Point, jobs_of, one_soil
 
 REQUEST = "compare.yaml"
 UPWARD, ASIDE, POWER = "vertical_force_newton", "side_force_newton", "power_watt"
@@ -72,7 +72,7 @@ def run_scenes(
         SubsoilError: a scene failed with every seed, or no seed is left that all have.
     """
     labels = labels_of([path.with_suffix("") for path in scenes])
-    alike = _one_soil([load_scene(path, overrides) for path in scenes])
+    alike = one_soil([load_scene(path, overrides) for path in scenes])
     each = [
         jobs_of(str(path), [*alike, *overrides], (Point({}, name=label),), seeds)
         for path, label in zip(scenes, labels, strict=True)
@@ -107,21 +107,6 @@ def run_scenes(
         raise run.error(f"{name}: nothing is left to compare")
     sides = [Side(label, {seed: runs[label, seed] for seed in sorted(good)}) for label in labels]
     return sides, failed, alike
-
-
-def _one_soil(scenes: Sequence[ResolvedScene]) -> list[str]:
-    """Changes that give scenes the finest particles that their one preset, and the widest and deepest field
-    that a scene in short, derives from one of the tools: both change the draft."""
-    soils = [scene.scene.particle_soil for scene in scenes]
-    radii = {0.5 * sum(soil.particles.bounds_m) for soil in soils if soil is not None}
-    changes = []
-    if None not in (presets := {scene.preset for scene in scenes}) and len(presets) == 1 and len(radii) > 1:
-        changes += [f"preset={scenes[0].preset}", f"soil.particles.radius_m={min(radii):g}"]
-    bins = {(soil.bin.width_m, soil.bin.depth_m) for soil in soils if soil is not None}
-    if len(bins) > 1 and all("soil.bin" in {item.key for item in scene.derived} for scene in scenes):
-        width_m, depth_m = map(max, zip(*bins, strict=True))
-        changes += [f"soil.bin.width_m={width_m:g}", f"soil.bin.depth_m={depth_m:g}"]
-    return changes
 
 
 def quantities_of_runs(sides: Sequence[Side], sources: Sequence[Source]) -> list[Difference]:
@@ -170,6 +155,14 @@ def quantities_over_fields(sides: Sequence[Side]) -> list[Difference]:
         )
         found.append(Difference(name, OVER_FIELDS, values, plain, parts))
     return _told(found)
+
+
+def widest_of_draft(sides: Sequence[Side]) -> float:
+    """Largest half-width of the differences of draft from the first side, a part of its draft; infinite where
+    it is not known."""
+    found = next((item for item in quantities_over_fields(sides) if item.column == DRAFT), None)
+    widths = found.part_half_widths[1:] if found is not None else ()
+    return max((math.inf if math.isnan(width) else width for width in widths), default=math.inf)
 
 
 def _told(found: Sequence[Difference]) -> list[Difference]:

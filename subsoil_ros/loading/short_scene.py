@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import SceneError
-from ..scene.cad_mesh import metres_per_unit, read_cad, refuse_absurd, turned_upright, write_stl
+from ..scene.cad_mesh import blade_mesh, metres_per_unit, read_cad, refuse_absurd, turned_upright, write_stl
 from ..scene.soil import rupture_distance_m
 from ..scene.tool_shape import ToolShape, tool_shape
-from ..scene.tools import CadKeys, MeshPart, Tool
+from ..scene.tools import Blade, CadKeys, MeshPart, Tool
 from ..yaml_document import Document, merge
 from .material_file import read_material
 from .overrides import Override
@@ -196,12 +196,27 @@ def _with_files(name: str, tool: Document, folder: Path, where: str) -> Document
         )
     if own:
         groups = {name: short}
+    if (blade := rest.pop("blade", None)) is not None:
+        if own or groups:
+            raise SceneError(f"{where}: given both 'blade' and a mesh; give one of them")
+        groups = {name: {"mesh": str(_blade_file(blade, rest.get("depth_m"), f"{where}.blade"))}}
     if isinstance(groups, dict):
         rest["groups"] = {
             group: _usable(part, folder, where if own else f"{where}.groups.{group}", own)
             for group, part in groups.items()
         }
     return rest
+
+
+def _blade_file(given: Any, depth_m: object, where: str) -> Path:
+    blade = validated(Blade, given, where)
+    if blade.height_m is not None:
+        height_m = blade.height_m
+    elif isinstance(depth_m, int | float) and depth_m > 0.0:
+        height_m = 2.0 * depth_m
+    else:
+        raise SceneError(f"{where}: height_m: is missing; a tool without depth_m needs it")
+    return write_stl(*blade_mesh(blade, height_m), "blade")
 
 
 def _in_full(name: str, tool: object, folder: Path, where: str, placed: list[_Placed]) -> object:

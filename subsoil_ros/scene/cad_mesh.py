@@ -13,7 +13,7 @@ import trimesh
 from ..cache_folders import user_cache_folder
 from ..errors import SceneError
 from ..extras import require
-from .tools import METRES, MeshUnit, Upward
+from .tools import METRES, Blade, MeshUnit, Upward
 
 STEP = (".step", ".stp")
 FORMATS = (".stl", ".obj", ".3mf", *STEP)
@@ -100,6 +100,18 @@ def refuse_absurd(mesh: trimesh.Trimesh, metres: float, where: str) -> None:
             f"{where}: is {size:.3g} m large, and no tool is below {SMALLEST_M:g} m or above "
             f"{LARGEST_M:g} m; correct its unit: in the file, or by 'unit'"
         )
+
+
+def blade_mesh(blade: Blade, height_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (8, 3) [m] and facets (12, 3) of a blade, its cutting edge along y through the origin."""
+    rake, under = math.radians(blade.rake_deg), math.radians(blade.clearance_deg)
+    lean, behind = height_m / math.tan(rake), blade.thickness_m / math.sin(rake)
+    heel = blade.thickness_m / math.sin(rake - under)  # along the underside to the back
+    profile = [(0.0, 0.0), (-lean, height_m), (-lean - behind, height_m),
+               (-heel * math.cos(under), heel * math.sin(under))]  # fmt: skip
+    sides = (-0.5 * blade.width_m, 0.5 * blade.width_m)
+    hull = trimesh.convex.convex_hull(np.array([(x, y, z) for x, z in profile for y in sides]))
+    return np.asarray(hull.vertices), np.asarray(hull.faces)
 
 
 def turned_upright(mesh: trimesh.Trimesh, up: Upward, rotation_deg: tuple[float, float, float]) -> np.ndarray:

@@ -42,6 +42,25 @@ class MeshPart(CadKeys):
     position_m: tuple[Finite, Finite, Finite] = Field((0.0, 0.0, 0.0), description="of the mesh's origin.")
 
 
+class Blade(StrictModel):
+    """A flat plate whose front leans back by the rake. Its cutting edge is level, at the origin of the tool's
+    axes."""
+
+    rake_deg: Positive = Field(le=90.0, description="front against the horizontal; 90: upright.")
+    width_m: Positive
+    thickness_m: Positive = 0.02
+    clearance_deg: Finite = Field(10.0, ge=0.0, description="underside against the horizontal.")
+    height_m: Positive | None = Field(None, description="left out: twice depth_m.")
+
+    @model_validator(mode="after")
+    def _pointed(self) -> "Blade":
+        if self.clearance_deg >= self.rake_deg:
+            raise ValueError(
+                f"clearance_deg: given {self.clearance_deg:g}, must be below rake_deg {self.rake_deg:g}"
+            )
+        return self
+
+
 LARGEST_TURN_RAD = math.pi - 1e-6
 """Largest rotation from one pose to the next: less than a half turn, which has no direction."""
 
@@ -191,6 +210,7 @@ class Tool(CadKeys):
     mesh: str | None = Field(
         None, exclude=True, description="in short, for groups: one file, whose group is called as the tool."
     )
+    blade: Blade | None = Field(None, exclude=True, description="in place of mesh: a flat blade.")
     depth_m: Positive | None = Field(
         None, exclude=True, description="in short, for path: of the lowest point below the surface."
     )
@@ -234,5 +254,5 @@ class Tool(CadKeys):
                 "and 'speed_m_per_s' for a path"
             )
         if not self.groups:
-            raise ValueError("give 'mesh', a file, or 'groups' of several")
+            raise ValueError("give 'mesh', a file, or 'groups' of several, or 'blade'")
         return self

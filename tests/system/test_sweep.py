@@ -243,7 +243,7 @@ def test_runs_that_end_in_the_entry_are_not_ranked_as_steady(tmp_path: Path, cap
     out = tmp_path / "out"
     short = ["--vary", "soil.seed=1,2", "--set", "duration_s=0.05", "--set", "report.window_inside_m=0.2"]
     assert main(sweep(out, *short, "--show", "series.nothing.mean")) == 2
-    assert "sweep.csv, which names the columns, is written" in capsys.readouterr().err
+    assert "the table beside them names the columns" in capsys.readouterr().err
     assert len(pd.read_csv(out / "sweep.csv")) == 2
     assert main(sweep(out, *short)) == 0
     printed = capsys.readouterr().out

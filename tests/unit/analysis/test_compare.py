@@ -14,10 +14,10 @@ from subsoil_ros.analysis.stationarity import stationarity
 from subsoil_ros.api.execution import execute
 from subsoil_ros.cli.main import main
 from subsoil_ros.experiments import tool_comparison
-from subsoil_ros.experiments.run_cache import CachedRun, find_run, keep_run
-from subsoil_ros.experiments.sweep_points import Job
+from subsoil_ros.experiments.run_cache import keep_run
 from subsoil_ros.figures.comparison import Source, differences, labels_of, shared_span_s
 from subsoil_ros.loading.loader import load_scene
+from tests.unit.experiments.in_process import run_jobs_here
 
 Captured = pytest.CaptureFixture[str]
 SCENES = Path(__file__).parents[3] / "config" / "scenes"
@@ -85,14 +85,7 @@ def test_a_measurement(runs: list[Path], tmp_path: Path, capsys: Captured) -> No
 @pytest.fixture
 def in_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Runs of scenes without Dask, whose use tests/system/test_sweep.py tests."""
-
-    def run_jobs(jobs: list[Job], cache: Path, *_: object) -> list[CachedRun]:
-        return [
-            find_run(cache, job.scene.scene_hash) or keep_run(cache, job.scene, execute(job.scene))
-            for job in jobs
-        ]
-
-    monkeypatch.setattr(tool_comparison, "run_jobs", run_jobs)
+    monkeypatch.setattr(tool_comparison, "run_jobs", run_jobs_here)
 
 
 @pytest.mark.usefixtures("in_process")
@@ -114,6 +107,8 @@ def test_two_scenes_in_two_fields(runs: list[Path], tmp_path: Path, capsys: Capt
     assert "<h1>t1 against t0</h1>" in page
     assert "data:image/png;base64," in page
     assert "http" not in page.split("<body>")[1]
+    assert main(["compare", *names, "--until", "90", "--out", str(out)]) == 0
+    assert "over 3 fields" in capsys.readouterr().out  # with the least number of fields
     assert main(["compare", *names, "--out", str(tmp_path / "own")]) == 0
     assert "within these runs" in capsys.readouterr().out
 
@@ -224,7 +219,8 @@ def test_labels_are_as_short_as_they_can_be() -> None:
         (["tine", "mechanism_only"], "mechanism_only: has no tool in soil"),
         (["tine", "{tmp}/tine.yaml"], "two of them are the same scene"),
         (["tine", "tine"], "is named twice"),
-        (["tine", "field_tine", "--seeds", "2", "--measured", "x.csv"], "--seeds: given with --measured"),
+        (["tine", "field_tine", "--seeds", "2", "--measured", "x.csv"], "--seeds or --until: given with --m"),
+        (["tine", "field_tine", "--until", "3", "--seeds", "2"], "--until begins with 3 fields"),
     ],
 )
 def test_bad_input(

@@ -9,7 +9,8 @@ import pytest
 
 from subsoil_ros.analysis.intervals import Interval
 from subsoil_ros.experiments.run_cache import CachedRun
-from subsoil_ros.experiments.tool_comparison import Side, _one_soil, quantities_over_fields
+from subsoil_ros.experiments.sweep_points import one_soil
+from subsoil_ros.experiments.tool_comparison import Side, quantities_over_fields
 from subsoil_ros.experiments.verdict import cautions, quantity_rows, verdicts
 from subsoil_ros.figures.comparison import Difference
 from subsoil_ros.loading.loader import load_scene
@@ -127,7 +128,7 @@ def test_scenes_in_short_get_one_soil(tmp_path: Path) -> None:
         )
         scenes.append(path)
     apart = [load_scene(path) for path in scenes]
-    together = [load_scene(path, _one_soil(apart)) for path in scenes]
+    together = [load_scene(path, one_soil(apart)) for path in scenes]
     soils = [scene.scene.particle_soil for scene in together]
     finest = min(scene.scene.particle_soil.particles.bounds_m for scene in apart)
     assert [soil.particles.bounds_m for soil in soils] == [pytest.approx(finest)] * 2
@@ -135,4 +136,4 @@ def test_scenes_in_short_get_one_soil(tmp_path: Path) -> None:
     assert soils[0].bin == soils[1].bin != apart[1].scene.particle_soil.bin
     assert soils[0].surface == soils[1].surface
     given = [load_scene(path, ["soil.particles.radius_m=0.02"]) for path in scenes]
-    assert not any("radius_m" in change for change in _one_soil(given))
+    assert not any("radius_m" in change for change in one_soil(given))

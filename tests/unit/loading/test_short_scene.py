@@ -126,6 +126,22 @@ def test_nothing_in_short_is_left_out(tmp_path: Path) -> None:
         load_scene(tmp_path / "longer.yaml")
 
 
+@pytest.mark.parametrize("rake", [30.0, 60.0, 90.0])
+def test_a_blade_is_a_mesh_of_its_angles(load: Load, rake: float) -> None:
+    """Closed, as wide, as steep and as thick as asked, its edge at the origin; twice as high as deep."""
+    found = load(tools__tine__mesh=None, tools__tine__blade={"rake_deg": rake, "width_m": 0.06})
+    mesh = load_tool_mesh(found.directory, found.scene, "tine")
+    shape = tool_shape(mesh.vertices_m, mesh.facets, 0.2)
+    assert shape.rake_deg == pytest.approx(rake, abs=0.01)
+    assert shape.clearance_deg == pytest.approx(10.0, abs=0.01)
+    assert (shape.width_m, shape.height_m) == (pytest.approx(0.06), pytest.approx(0.4))
+    assert shape.tip_m == pytest.approx((0.0, 0.0), abs=1e-9)
+    solid = trimesh.Trimesh(mesh.vertices_m, mesh.facets)
+    heel = 0.02 / np.sin(np.radians(rake - 10.0)) * np.sin(np.radians(10.0))  # height of its corner behind
+    assert solid.is_watertight
+    assert solid.volume == pytest.approx(0.06 * 0.02 / np.sin(np.radians(rake)) * (0.4 - 0.5 * heel))
+
+
 @pytest.mark.parametrize("preset", ["fine", "coarse"])
 def test_a_preset_gives_the_size(load: Load, preset: str) -> None:
     """And no row of `derived` says another one."""
@@ -186,6 +202,17 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"tools__tine__up": "x"}, "up: given the text 'x'; it must be 'y' or 'z'"),
     ({"tools__tine__depht_m": 1.0}, "did you mean 'depth_m'?"),
     ({"tools__tine__groups": {"a": {"mesh": "my_tine.step"}}}, "given both 'mesh' and 'groups'"),
+    ({"tools__tine__blade": {"rake_deg": 45, "width_m": 0.06}}, "both 'blade' and a mesh; give one of"),
+    (
+        {"tools__tine__mesh": None, "tools__tine__blade": {"rake_deg": 9, "width_m": 0.06}},
+        "clearance_deg: given 10, must be below rake_deg 9",
+    ),
+    (
+        {
+            "tools__a": {"blade": {"rake_deg": 45, "width_m": 0.06}, "path": {"speed_x_m_per_s": 1.0}},
+        },
+        "tools.a.blade: height_m: is missing; a tool without depth_m needs it",
+    ),
     ({"travel_m": "far"}, "travel_m: given 'far'; it must be a number above 0"),
     ({"soil": "loom"}, "did you mean 'loam'?"),
     ({"tools__a": {"mesh": "my_tine.step", "depth_m": 0.1, "speed_m_per_s": 1.0}}, "move at 0.5, 1 m/s"),

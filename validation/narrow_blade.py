@@ -131,10 +131,10 @@ def crescents_m(soil: Soil, blade: Blade) -> float:
     return blade.width_m + 2.0 * math.sqrt(max(radius**2 - behind**2, 0.0))
 
 
-def blade_mesh(folder: Path, blade: Blade, nose_m: float = 0.0) -> str:
+def blade_mesh(folder: Path, blade: Blade, nose_m: float = 0.0, above_m: float = 0.15) -> str:
     """A prism: its face from the tip (0, 0), or from the upper end of its nose, up and back at the rake, its
-    back less steep."""
-    length = (blade.depth_m - nose_m + 0.15) / math.sin(blade.rake_rad)
+    back less steep. It stands `above_m` out of the surface."""
+    length = (blade.depth_m - nose_m + above_m) / math.sin(blade.rake_rad)
     top = length * np.array((-math.cos(blade.rake_rad), math.sin(blade.rake_rad))) + (0.0, nose_m)
     section = np.array(((0.0, 0.0), (0.0, nose_m), top, top - (RELIEF_M, 0.0)))
     corners = [(x, side * 0.5 * blade.width_m, z) for x, z in section for side in (-1.0, 1.0)]
@@ -144,9 +144,19 @@ def blade_mesh(folder: Path, blade: Blade, nose_m: float = 0.0) -> str:
 
 
 def pulled(
-    soil: str, radius_m: float, blade: Blade, nose_m: float = 0.0, seed: int = 1, depths: float = DEPTHS
+    soil: str,
+    radius_m: float,
+    blade: Blade,
+    nose_m: float = 0.0,
+    seed: int = 1,
+    depths: float = DEPTHS,
+    first_m: float | None = None,
+    above_m: float = 0.15,
 ) -> Pull:
-    """A blade through a field of soil."""
+    """A blade through a field of soil.
+
+    depths: way, over the depth. first_m: travel from which on means count (default: FIRST depths).
+    """
     material = read_material(shipped_material(Path(soil)), soil)
     depth, wide = blade.depth_m, round(ROOM * crescents_m(soil_of(material), blade), 2)
     box = {
@@ -158,7 +168,7 @@ def pulled(
     particles, bed = {"radius_m": radius_m}, {"seed": seed}
     parts = {"material": soil, "bin": box, "window": {}, "particles": particles, "bed": bed}
     with tempfile.TemporaryDirectory() as folder:
-        mesh = blade_mesh(Path(folder), blade, nose_m)
+        mesh = blade_mesh(Path(folder), blade, nose_m, above_m)
         tools = {"blade": {"path": {}, "groups": {"blade": {"mesh": mesh}}}}
         document = {"name": "blade", "duration_s": 1.0, "tools": tools, "soil": parts}
         scene = Laboratory(Path(folder)).resolve(document)
@@ -178,7 +188,8 @@ def pulled(
         wrench = engine.advance(tick, at(tick))[0]
         forces.append((-wrench.force_x_newton, -wrench.force_z_newton))
     places.see(engine.cloud(tick, 0))
-    first, per_row = round((FIRST * depth + BEHIND_M) / step), max(1, round(ROW_M / step))
+    first_m = FIRST * depth if first_m is None else first_m
+    first, per_row = round((first_m + BEHIND_M) / step), max(1, round(ROW_M / step))
     counted = np.asarray(forces[first : first + (len(forces) - first) // per_row * per_row])
     rows: NDArray[np.float64] = counted.reshape(-1, per_row, 2).mean(axis=1)
     travel = np.arange(len(rows), dtype=np.float64) * ROW_M

@@ -1,8 +1,10 @@
 """Measured drafts of flat blades beside those of particles and of closed forms.
 
-    python -m validation.measured TABLE.csv --out DIR [--radius-mm 10] [--processes 2]
+    python -m validation.measured TABLE.csv --out DIR [--radius-mm 10] [--seed 1] [--travel-m 0.5 1.5]
+        [--processes 2]
 
-The table's columns are those of template.csv. Every soil in it is calibrated to its laboratory values.
+The table's columns are those of template.csv. Every soil in it is calibrated to its laboratory values. The
+same call goes on where it was stopped.
 """
 
 import argparse
@@ -10,7 +12,9 @@ import csv
 import math
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
 from pathlib import Path
 
 from subsoil_ros.errors import InputError, SubsoilError
@@ -19,7 +23,7 @@ from subsoil_ros.loading.material_file import read_material, write_material
 from subsoil_ros.loading.validation import validated
 from subsoil_ros.scene.material import LaboratorySoil, Material
 
-from ..blades import Blade, godwin_odogherty, perumpral
+from ..blades import Blade, godwin_odogherty, mckyes_ali, perumpral
 from ..narrow_blade import pulled, soil_of
 
 LABORATORY = (
@@ -33,15 +37,23 @@ OPTIONAL = ("draft_error_newton", "vertical_newton")
 TEXTS = ("source", "soil")
 NAME = re.compile(r"[\w-]+")
 RESULTS = (
+    "radius_m",
+    "seed",
     "simulated_newton",
     "simulated_error_newton",
     "simulated_vertical_newton",
+    "particles",
     "perumpral_newton",
     "godwin_odogherty_newton",
+    "mckyes_ali_newton",
 )
+HEAP_M = 0.05
+"""A blade stands out of the surface by its depth and this, so that no heap flows over it."""
+
+Row = dict[str, str | float]
 
 
-def read_table(path: Path) -> list[dict[str, str | float]]:
+def read_table(path: Path) -> list[Row]:
     """Rows with numbers. Raises InputError for other columns, no row, or a cell that is no number."""
     with path.open(newline="", encoding="utf-8") as file:
         reader = csv.DictReader(file)
@@ -51,7 +63,7 @@ def read_table(path: Path) -> list[dict[str, str | float]]:
             )
         rows = []
         for number, row in enumerate(reader, start=2):
-            found: dict[str, str | float] = {}
+            found: Row = {}
             for key in COLUMNS:
                 text = (row[key] or "").strip()
                 if key in TEXTS or (key in OPTIONAL and not text):
@@ -70,7 +82,7 @@ def read_table(path: Path) -> list[dict[str, str | float]]:
 
 
 def calibrated(
-    rows: list[dict[str, str | float]], radius_m: float, folder: Path, processes: int
+    rows: list[Row], radius_m: float, folder: Path, processes: int
 ) -> dict[str, tuple[Path, Material]]:
     """File and material of each soil in a table; one that is in the folder is not calibrated again.
 
@@ -98,46 +110,83 @@ def calibrated(
     return found
 
 
+def drawn(
+    row: Row, soil: Path, radius_m: float, seed: int, travel_m: tuple[float, float] | None
+) -> dict[str, float]:
+    """The simulated blade of a row, and closed forms with the strength that its particles were found to have.
+
+    travel_m: from where to where means are taken (default: as narrow_blade.pulled).
+    """
+    depth = float(row["depth_m"])
+    blade = Blade(
+        float(row["width_m"]), depth, math.radians(float(row["rake_deg"])), float(row["speed_m_per_s"])
+    )
+    way = {} if travel_m is None else {"first_m": travel_m[0], "depths": travel_m[1] / depth}
+    pull = pulled(str(soil.resolve()), radius_m, blade, seed=seed, above_m=depth + HEAP_M, **way)
+    theory = soil_of(read_material(soil, str(soil)))
+    forces = (*pull.draft, pull.vertical[0])
+    forms = (form(theory, blade).draft_newton for form in (perumpral, godwin_odogherty, mckyes_ali))
+    return dict(zip(RESULTS, (radius_m, seed, *forces, pull.particles, *forms), strict=True))
+
+
+def kept(path: Path) -> list[dict[str, str]]:
+    """Rows of the results so far."""
+    if not path.is_file():
+        return []
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def same(one: Mapping[str, object], other: Mapping[str, object]) -> bool:
+    """Whether two rows are of one measured run, radius and seed."""
+    return all(str(one[key]) == str(other[key]) for key in (*COLUMNS, "radius_m", "seed"))
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Prints the table and writes it."""
+    """Draw the blades that have not been drawn; keep each row as it is done; print the table."""
     parser = argparse.ArgumentParser(prog="python -m validation.measured", description=main.__doc__)
     parser.add_argument("table", type=Path)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
     parser.add_argument("--radius-mm", type=float, default=10.0)
+    parser.add_argument("--seed", type=int, default=1, help="of the field")
+    parser.add_argument("--travel-m", type=float, nargs=2, metavar=("FROM", "TO"), help="of the means")
     parser.add_argument("--processes", type=int, default=2)
     args = parser.parse_args(arguments)
-    radius = 1e-3 * args.radius_mm
+    radius, travel = 1e-3 * args.radius_mm, tuple(args.travel_m) if args.travel_m else None
     try:
         rows = read_table(args.table)
         materials = calibrated(rows, radius, args.out, args.processes)
     except (SubsoilError, OSError) as error:
         print(error, file=sys.stderr)
         return 2
-    with (args.out / "results.csv").open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, (*COLUMNS, *RESULTS))
-        writer.writeheader()
-        print(
-            "| soil | rake deg | width m | depth m | m/s | measured N | simulated N | Perumpral N | G-O'D N |"
+    results = args.out / "results.csv"
+    settings = {"radius_m": radius, "seed": args.seed}
+    missing = [row for row in rows if not any(same(row | settings, done) for done in kept(results))]
+    missing.sort(key=lambda row: -float(row["depth_m"]))  # the longest first
+    with ProcessPoolExecutor(args.processes, get_context("spawn")) as pool:
+        jobs = {
+            pool.submit(drawn, row, materials[str(row["soil"])][0], radius, args.seed, travel): row
+            for row in missing
+        }
+        for job in as_completed(jobs):
+            new = not results.is_file()
+            with results.open("a", newline="", encoding="utf-8") as file:
+                writer = csv.DictWriter(file, (*COLUMNS, *RESULTS))
+                if new:
+                    writer.writeheader()
+                writer.writerow(jobs[job] | job.result())
+    print("| soil | rake deg | width m | depth m | r mm | measured N | simulated N | Perumpral N | G-O'D N |")
+    print("|---" * 9 + "|")
+    for done in kept(results):
+        measured, draft, half, *forms = (
+            float(done[key])
+            for key in ("draft_newton", *RESULTS[2:4], "perumpral_newton", "godwin_odogherty_newton")
         )
-        print("|---" * 9 + "|")
-        for row in rows:
-            path, kept = materials[str(row["soil"])]
-            blade = Blade(
-                float(row["width_m"]), float(row["depth_m"]), math.radians(float(row["rake_deg"])),
-                float(row["speed_m_per_s"]),
-            )  # fmt: skip
-            pull = pulled(str(path.resolve()), radius, blade)
-            (draft, half), (vertical, _) = pull.draft, pull.vertical
-            theory = soil_of(kept)
-            forms = (perumpral(theory, blade).draft_newton, godwin_odogherty(theory, blade).draft_newton)
-            writer.writerow(row | dict(zip(RESULTS, (draft, half, vertical, *forms), strict=True)))
-            file.flush()
-            print(
-                f"| {row['soil']} | {row['rake_deg']:g} | {row['width_m']:g} | {row['depth_m']:g} "
-                f"| {row['speed_m_per_s']:g} | {row['draft_newton']:.0f} | {draft:.0f} +- {half:.0f} "
-                f"| {forms[0]:.0f} | {forms[1]:.0f} |",
-                flush=True,
-            )
+        print(
+            f"| {done['soil']} | {done['rake_deg']} | {done['width_m']} | {done['depth_m']} "
+            f"| {1e3 * float(done['radius_m']):g} | {measured:.0f} | {draft:.0f} +- {half:.0f} "
+            f"| {forms[0]:.0f} | {forms[1]:.0f} |"
+        )
     return 0
 
 

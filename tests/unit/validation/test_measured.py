@@ -1,6 +1,7 @@
 """validation.measured: what it reads, and what it refuses; particles and calibration are stood in for."""
 
 import csv
+from concurrent.futures import ThreadPoolExecutor
 from importlib import import_module
 from pathlib import Path
 
@@ -68,15 +69,29 @@ def test_a_row_is_simulated_in_its_calibrated_soil(tmp_path, monkeypatch, capsys
 
     monkeypatch.setattr(measured, "calibrate", calibrate)
     pull = Pull((650.0, 40.0), (120.0, 30.0), 0.3, 1.0, 1000, (0.3, 0.3, 0.3))
-    monkeypatch.setattr(measured, "pulled", lambda *rest: pull)
+    monkeypatch.setattr(measured, "pulled", lambda *rest, **way: pull)
+    monkeypatch.setattr(measured, "ProcessPoolExecutor", lambda *rest: ThreadPoolExecutor(1))
     path = table(tmp_path / "t.csv", ROW, [*ROW[:8], 0.2, *ROW[9:]])
     assert measured.main([str(path), "--out", str(tmp_path / "out")]) == 0
     assert [soil.cohesion_pa for soil in asked] == [9e3]
     with (tmp_path / "out" / "results.csv").open(newline="") as file:
         found = list(csv.DictReader(file))
     assert [row["simulated_newton"] for row in found] == ["650.0", "650.0"]
-    assert float(found[1]["perumpral_newton"]) > float(found[0]["perumpral_newton"]) > 100.0
-    assert "| 700 | 650 +- 40 |" in capsys.readouterr().out
+    assert float(found[0]["perumpral_newton"]) > float(found[1]["perumpral_newton"]) > 100.0  # deepest first
+    assert "| 10 | 700 | 650 +- 40 |" in capsys.readouterr().out
+    monkeypatch.setattr(measured, "pulled", None)  # kept rows are not drawn again
+    assert measured.main([str(path), "--out", str(tmp_path / "out")]) == 0
+    assert capsys.readouterr().out.count("650 +- 40") == 2
     other = table(tmp_path / "o.csv", [*ROW[:2], 5e3, *ROW[3:]])
     assert measured.main([str(other), "--out", str(tmp_path / "out")]) == 2
     assert "is of other laboratory values" in capsys.readouterr().err
+
+
+def test_shipped_sets_can_be_read():
+    """Each set has its two readings of the soil, and the same measured drafts under both."""
+    rows = measured.read_table(TEMPLATE.with_name("obermayr2013.csv"))
+    readings = [
+        [row["draft_newton"] for row in rows if row["cohesion_pa"] == cohesion] for cohesion in (1e3, 0)
+    ]
+    assert readings[0] == readings[1]
+    assert len(readings[0]) == 8

@@ -123,7 +123,7 @@ class CompilationListener(event.Listener):
     def on_start(self, event: object) -> None:
         """Handle the start of the compilation of a kernel, or of one that it calls."""
         if self._compiled == 0:
-            self._say(f"compiling kernels, once: kept in {kernel_cache_folder()}")
+            self._say(f"compiling kernels, once, in 1 to 4 minutes: kept in {kernel_cache_folder()}")
         if self._depth == 0:
             self._since = time.monotonic()
         self._depth += 1

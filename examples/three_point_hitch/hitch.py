@@ -37,7 +37,8 @@ def main() -> None:
         return
     print(subsoil.check(scene, machine=machine))
     run = subsoil.run(scene, args.out, machine=machine)
-    print(run, run.summary["series"]["draft_newton"])
+    draft = run.summary["series"]["draft_newton"]
+    print(f"{run}\nmean draft {draft['mean']:.0f} N, {draft['min']:.0f} to {draft['max']:.0f} N")
 
 
 if __name__ == "__main__":

@@ -169,8 +169,10 @@ def _made_with(run: "CachedRun") -> list[tuple[str, str]]:
     from ..run_results import heading_rows
 
     resolved = load_scene(run.folder / "scene.yaml")
-    rows = [*heading_rows(run.metrics, resolved), ("simulated", f"{resolved.scene.duration_s:g} s")]
-    return [*rows, ("preset", resolved.preset)] if resolved.preset else rows
+    rows = dict(heading_rows(run.metrics, resolved)) | {"simulated": f"{resolved.scene.duration_s:g} s"}
+    if (name := run.facts.get("soil")) is not None:
+        rows["soil"] = name
+    return list(rows.items())
 
 
 def _are_scenes(args: argparse.Namespace) -> bool:

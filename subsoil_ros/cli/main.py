@@ -33,6 +33,9 @@ VERBS = {
 add_arguments(parser) and run(args) -> exit status; importing all of them for a list would take seconds. `run`
 raises InputError before anything is written, and RunError or RecordingError where that fails later."""
 
+CONTINUED = ("compare", "sweep", "optimise", "study", "calibrate")
+"""Verbs of many runs, which continue where they were stopped."""
+
 
 def _module(verb: str) -> ModuleType:
     return import_module(f"{__package__}.{verb.replace('-', '_')}")
@@ -77,7 +80,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"subsoil {args.verb}: {error.filename}: is longer than a file name can be", file=sys.stderr)
         return InputError.exit_status
     except KeyboardInterrupt:
-        print(f"subsoil {args.verb}: interrupted", file=sys.stderr)
+        kept = "; finished runs are kept, and the same command continues" if args.verb in CONTINUED else ""
+        print(f"subsoil {args.verb}: interrupted{kept}", file=sys.stderr)
         return InterruptedRunError.exit_status
 
 

@@ -229,7 +229,7 @@ def announce_kernels_of_nodes(on_tick: Callable[[int], None]) -> Callable[[int],
     """
     if soil_kernels_are_kept():
         return on_tick
-    say(f"the nodes compile their kernels, once: kept in {kernel_cache_folder()}")
+    say(f"the nodes compile their kernels, once, in 1 to 4 minutes: kept in {kernel_cache_folder()}")
     waiting = [time.monotonic()]
 
     def told(tick: int) -> None:

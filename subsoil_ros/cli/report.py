@@ -66,7 +66,7 @@ def _report(recorded: RecordedRun, html: bool) -> int:
     try:
         write_series_csv(series, directory / "series.csv")
         summary.write(directory / "summary.json")
-        write_results_csv(results_of(summary, resolved.scene), directory / "results.csv")
+        write_results_csv(results_of(summary, resolved), directory / "results.csv")
         statistics.write_tables(directory)
         if resolved.reference is not None:
             rows = reference_rows(resolved.reference, summary.document())

@@ -120,8 +120,8 @@ class InterfaceAccount:
                 f"tick {tick}: interface energy residual {work.residual_joule:.3g} J is "
                 f"{100.0 * work.residual_ratio:.3g} % of {work.absolute_work_joule:.3g} J interface work, "
                 f"above coupling.residual_bound {100.0 * self._bound:.3g} %. The exchange {does} energy: "
-                "lower coupling.communication_step_ns, or set coupling.force: tick_mean when a tick has "
-                "several soil steps"
+                "lower coupling.communication_step_ns to what `subsoil check` calls stable, or set "
+                "coupling.force: tick_mean if it is not set and a tick has several soil steps"
             )
 
 

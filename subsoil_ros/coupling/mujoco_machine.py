@@ -111,7 +111,8 @@ class MujocoMachine:
         if rest or not steps:
             raise InputError(
                 f"MuJoCo model: option.timestep: given {timestep_s:g} s; it must be a whole part of "
-                f"coupling.communication_step_ns {self._interval_ns}"
+                f"coupling.communication_step_ns {self._interval_ns}, which the scene gives or derives: "
+                f"set the timestep to {self._interval_ns * 1e-9:g} s, or that to a multiple of the timestep"
             )
         return int(steps)
 

@@ -34,8 +34,9 @@ class CachedRun:
 
     @cached_property
     def facts(self) -> Document:
-        """Content of run.json, see RunResult."""
-        return _read_json(self.folder / "run.json")
+        """Content of run.json, see RunResult; empty for a folder of `subsoil run`."""
+        path = self.folder / "run.json"
+        return _read_json(path) if path.is_file() else {}
 
     @cached_property
     def scene(self) -> Document:
@@ -100,7 +101,8 @@ def keep_run(cache: Path, scene: ResolvedScene, executed: RunResult) -> CachedRu
         for name, content in executed.files.items():
             (part / name).write_bytes(content)
         part.chmod(0o755)  # mkdtemp's folders are readable by the user alone
-        return keep_folder(cache, scene.scene_hash, part, executed.facts)
+        soil = None if scene.material is None else scene.material.soil.name  # which scene.yaml has not
+        return keep_folder(cache, scene.scene_hash, part, executed.facts | {"soil": soil})
     finally:
         shutil.rmtree(part, ignore_errors=True)
 

@@ -92,7 +92,7 @@ def run_scenes(
                 "other scenes or values name another folder"
             )
     write_whole(out / REQUEST, lambda part: part.write_text(dump_yaml(request), encoding="utf-8"))
-    jobs = [job for of_one in each for job in of_one]
+    jobs = [job for of_seed in zip(*each, strict=True) for job in of_seed]  # so that pairs come first
     runs = dict(zip(((job.point.name, job.point.seed or 0) for job in jobs),
                     run_jobs(jobs, out / RUNS, manner, watcher), strict=True))  # fmt: skip
     failed = [f"{name}, seed {seed}: {run.failure}" for (name, seed), run in runs.items() if run.failure]

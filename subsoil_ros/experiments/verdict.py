@@ -56,7 +56,10 @@ def cautions(sides: Sequence[Side]) -> Iterator[str]:
     if len(sides[0].runs) == 2:
         yield "two fields: their interval is 12.7 times its standard error, that of three 4.3: --seeds 3"
     if {side.first.scene.get("preset") for side in sides} & {"standard", "coarse"}:
-        yield "the presets standard and coarse have no right vertical force: compare it with preset fine"
+        yield (
+            "the presets standard and coarse have no right vertical force: compare it with preset fine. "
+            "Their drafts err by some 5 %, perhaps otherwise for each tool: smaller differences may be theirs"
+        )
     for side, soil in zip(sides, soils, strict=True):
         yield from _cautions_of(side)
         unlike = [f"soil.{key}" for key in sorted({*soil, *soils[0]}) if soil.get(key) != soils[0].get(key)]

@@ -55,7 +55,7 @@ def write_html(directory: Path, bag: Path, run: RunData, pictures: Sequence[Path
         "name": resolved.scene.name,
         "description": resolved.scene.description,
         "heading": heading_rows(summary, resolved),
-        "results": [result.cells() for result in results_of(summary, resolved.scene)],
+        "results": [result.cells() for result in results_of(summary, resolved)],
         "facts": [line for line in facts if not _WARNING.match(line)],
         "reference": reference,
         "reference_headings": HEADINGS,

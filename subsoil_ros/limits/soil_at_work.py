@@ -128,7 +128,9 @@ def _inertia(scene: Scene, meshes: Mapping[str, ToolMesh]) -> Finding:
         if scene.tools[name].is_tillage and min(speed, depth, gravity) > 0.0:
             found.append((inertial_number(speed, depth, gravity), name, speed, depth))
     if not found:
-        return Finding("inertial number", "not known: no tillage tool is below z = 0 and moves along x")
+        return Finding(
+            "inertial number", "not known: in the scene no tillage tool is below z = 0 and moves on"
+        )
     number, name, speed, depth = max(found)
     text = f"{number:.2g} of tool {name}, {speed:g} m/s at {depth:.3g} m"
     if round(number, 3) <= COLLISIONAL:

@@ -79,6 +79,11 @@ def with_material(document: Document, shown: str) -> tuple[Document, Material | 
             raise SceneError(f"{shown}: soil.{key}: given beside soil.material, which brings it; remove one")
     radius = value_at(soil, ("particles", "radius_m"))
     low, high = material.radii_m
+    if radius is None:
+        raise SceneError(
+            f"{shown}: soil.particles.radius_m: is missing; give a mean radius from {low:g} to {high:g} m, "
+            "or a tool with depth_m and speed_m_per_s, from which it is derived"
+        )
     if not isinstance(radius, int | float) or isinstance(radius, bool) or not low <= radius <= high:
         raise SceneError(
             f"{shown}: soil.particles.radius_m: given {radius!r}; it must be a mean radius from {low:g} to "

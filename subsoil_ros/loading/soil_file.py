@@ -273,8 +273,9 @@ def _in_range(place: str, what: str, key: str, value: float, fitted: SoilRange, 
         f"{factor * high:.4g} {unit} that"
     )
     if not beyond and not low / RANGE_MARGIN <= value <= high * RANGE_MARGIN:
+        parts = "" if key != "rake_rad" else "if it is of point and shank in one mesh, give two groups; else "
         raise SceneError(
-            f"{text} soil.file was fitted in, by more than {RANGE_MARGIN:g} times; fit it further, or add "
-            "allow: [beyond_fitted_range]"
+            f"{text} soil.file was fitted in, by more than {RANGE_MARGIN:g} times; {parts}fit it further, or "
+            "add allow: [beyond_fitted_range]"
         )
     return [f"warning: {text} the soil was fitted in; the force there is extrapolated"]

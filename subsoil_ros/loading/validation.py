@@ -63,7 +63,7 @@ def validated(
         # Strict JSON: lists may stand for tuples, but neither text nor booleans for numbers.
         return TypeAdapter(annotation).validate_json(json.dumps(document), strict=True)
     except ValidationError as error:
-        raise SceneError(_described(error, annotation, document, shown, origin)) from error
+        raise SceneError(_described(error, annotation, document, shown, origin)) from None
 
 
 def _described(

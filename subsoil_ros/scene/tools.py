@@ -204,7 +204,7 @@ class Path(StrictModel):
 class Tool(CadKeys):
     """Meshes that act on the soil; forces are recorded for each of its groups (share, blade, ...).
 
-    In short, by `mesh`, `depth_m` and `speed_m_per_s`: loading/short_scene.py derives path and groups.
+    In short, by `mesh`, `depth_m` and `speed_m_per_s`, from which path and groups are derived.
     """
 
     mesh: str | None = Field(

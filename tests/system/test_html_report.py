@@ -88,7 +88,7 @@ def test_page_holds_everything(reported):
     order = ["top", "warnings", "results", "plots", "replay-section", "figures", "timings", "versions"]
     assert list(page.sections) == ["", *order, "quantities", "scene"]
     results = page.sections["results"]
-    for row in results_of(Summary.model_validate(summary), load_scene(reported / "scene.yaml").scene):
+    for row in results_of(Summary.model_validate(summary), load_scene(reported / "scene.yaml")):
         assert all(cell in results for cell in row.cells())
     assert f"power {summary['loads']['power']['draft_watt']['mean']:.0f} W" in results
     assert "loam" in page.sections["top"]

@@ -293,7 +293,7 @@ def test_it_says_at_once_that_it_compiles(
 
     monkeypatch.setattr("subsoil_ros.api.run_frame.build_motion_source", prepare)
     start(scene=str(MACHINE), out=str(tmp_path / "out"))
-    assert said_before[0].startswith("compiling kernels, once: kept in ")
+    assert said_before[0].startswith("compiling kernels, once, in 1 to 4 minutes: kept in ")
 
 
 def test_a_run_without_record(start: Callable[..., list[Taken]], tmp_path: Path) -> None:

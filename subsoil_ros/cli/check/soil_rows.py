@@ -91,7 +91,7 @@ def particle_rows(resolved: ResolvedScene, soil: Soil, count: int) -> Iterable[t
             yield "bed", f"from {soil.bed.file}"
         else:
             kept = bed_path(resolved)
-            when = f"kept in {kept}" if kept.is_file() else "prepared when it is first used"
+            when = f"kept in {kept}" if kept.is_file() else "prepared when it is first used, in minutes"
             yield "bed", f"{_random_bed(soil, resolved.preset)}, seed {soil.bed.seed}; {when}"
         size = soil.bin
         fitted = "walls" if size.sides == "walls" else "ends and period in y"

@@ -35,7 +35,7 @@ def _rows(resolved: ResolvedScene, name: str, tool: Tool, mesh: ToolMesh) -> Ite
             told.append(f"clearance {shape.clearance_deg:.0f} deg")
         yield "works", ", ".join(told)
         x, z = shape.tip_m
-        yield "tip", f"x = {x:.4g} m, z = {z:.4g} m from the origin of the {'body' if tool.body else 'path'}"
+        yield "tip", f"x = {x:.4g} m, z = {z:.4g} m in the axes of the {'body' if tool.body else 'mesh'}"
     if tool.density_kg_per_m3 is not None:
         found = tool_mass(mesh, tool.density_kg_per_m3)
         cx, cy, cz = found.centre_m

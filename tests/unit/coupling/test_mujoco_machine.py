@@ -137,6 +137,17 @@ def test_a_pendulum_plough_does_known_work() -> None:
     assert abs(run.summary["energy"]["residual_ratio"]) < 0.02
 
 
+def test_the_cart_starts_where_its_scene_does() -> None:
+    """The smallest example: its tine at the start of the path, at the speed of the cart."""
+    folder = HITCH.parent / "mujoco_cart"
+    scene = subsoil.load_scene(folder / "cart.yaml")
+    (motion,) = subsoil.MujocoMachine(scene, folder / "cart.xml").initial_motions()
+    path = scene.scene.tools["tine"].path
+    assert path is not None
+    assert (motion.x_m, motion.z_m) == pytest.approx((path.start_x_m, path.start_z_m))
+    assert motion.velocity_x_m_per_s == pytest.approx(0.5)
+
+
 def hitch(duration_s: float, **machine: Any) -> tuple[Any, subsoil.MujocoMachine]:
     """The scene of the three-point hitch, and its machine."""
     scene = subsoil.load_scene(HITCH / "hitch.yaml", {"duration_s": duration_s, "record.checkpoint_s": 0.1})

@@ -22,7 +22,7 @@ def test_a_compilation_is_announced_before_and_timed_after(capsys: pytest.Captur
         assert outer(1) == 4
         assert inner(0.5) == 1.5
     first, last = capsys.readouterr().err.splitlines()
-    assert first.startswith("compiling kernels, once: kept in ")
+    assert first.startswith("compiling kernels, once, in 1 to 4 minutes: kept in ")
     assert last.startswith("compiled 3 kernels in ")
 
 

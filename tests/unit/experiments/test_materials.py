@@ -122,7 +122,7 @@ def test_a_folder_of_the_name_and_no_material(tmp_path, monkeypatch):
         ({"material": "mud"}, "soil.material: no file, and no soil that is shipped"),
         ({"material": 3}, "soil.material: given 3; it must be a material file or a soil's name"),
         ({"particles": {"radius_m": 0.03}}, r"given 0.03; it must be a mean radius from 0.005 to 0.02 m"),
-        ({"particles": None}, "soil.particles.radius_m: given None; it must be a mean radius"),
+        ({"particles": None}, "soil.particles.radius_m: is missing; give a mean radius"),
         ({"law": {"kind": "linear"}}, "soil.law: given beside soil.material, which brings it"),
         (
             {"particles": {"radius_m": 0.01, "density_kg_per_m3": 2000.0}},

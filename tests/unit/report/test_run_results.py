@@ -1,6 +1,7 @@
 """What is printed of a run, and the values of a reference beside it."""
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -78,7 +79,7 @@ def test_results_have_interval_and_unit(tmp_path):
         update={"stationarity": StationarityMetrics.model_validate(steady, from_attributes=True)}
     )
     summary = summary.model_copy(update={"series": summary.series | {"draft_newton": draft}})
-    write_results_csv(results_of(summary, run.resolved.scene), tmp_path / "results.csv")
+    write_results_csv(results_of(summary, run.resolved), tmp_path / "results.csv")
     with (tmp_path / "results.csv").open() as stream:
         rows = {row.pop("quantity"): row for row in csv.DictReader(stream)}
     forces = ["draft", "vertical force, up +", "side force, to the left +", "moment about y", "mean power"]
@@ -89,7 +90,12 @@ def test_results_have_interval_and_unit(tmp_path):
     assert rows["mean power"]["half_width"] == ""
     (warned,) = [line for line in summary_facts(summary) if line.startswith("WARNING: draft")]
     assert warned.endswith(": drifts")
-    rows = dict(heading_rows(summary, run.resolved))
+    coarse = replace(run.resolved, preset="coarse")
+    assert "vertical force, up + (wrong with preset coarse)" in {
+        row.quantity for row in results_of(summary, coarse)
+    }
+    rows = dict(heading_rows(summary, coarse))
+    assert rows["preset"] == "coarse"
     assert (rows["soil"], rows["particle radius"]) == ("loam", "10 mm")
 
 

@@ -122,7 +122,8 @@ class Result:
 def results_of(summary: Summary, resolved: ResolvedScene) -> list[Result]:
     """The results that a run has; forces and moments are those of the soil on a tillage tool."""
     scene = resolved.scene
-    doubt = f" (wrong with preset {resolved.preset})" if resolved.preset in LOWERED else ""
+    lowered = scene.particle_soil is not None and scene.particle_soil.surface is not None
+    doubt = f" (wrong with preset {resolved.preset})" if lowered and resolved.preset in LOWERED else ""
     tools = [name for name, tool in scene.tools.items() if tool.is_tillage]
     columns = {"draft": DRAFT}
     for name in tools:

@@ -33,7 +33,7 @@ VERBS = {
 add_arguments(parser) and run(args) -> exit status; importing all of them for a list would take seconds. `run`
 raises InputError before anything is written, and RunError or RecordingError where that fails later."""
 
-CONTINUED = ("compare", "sweep", "optimise", "study", "calibrate")
+CONTINUED = ("compare", "sweep", "optimise", "study")
 """Verbs of many runs, which continue where they were stopped."""
 
 

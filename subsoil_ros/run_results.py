@@ -499,5 +499,5 @@ def _disturbance(summary: Summary) -> str:
         f"soil: {_text(found.area_m2, '.0f', 1e4)}{interval} cm2 loosened "
         f"({_text(found.moved_fraction, '.1f', 100.0)} % of the bed moved by more than a radius), "
         f"{_mm(found.surface_width_m)} mm wide at the surface, "
-        f"which rose by {_mm(found.lift_max_m)} mm at most"
+        f"whose highest particle, perhaps on the tool, rose by {_mm(found.lift_max_m)} mm"
     )

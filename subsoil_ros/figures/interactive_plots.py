@@ -233,7 +233,7 @@ def _lift(found: Disturbance) -> Figure:
     lift_mm = np.asarray(1e3 * found.lift.height_m, np.float32)
     bar = {"title": "lift [mm]"}
     image = go.Heatmap(x=x, y=y, z=lift_mm, zmid=0, colorscale="RdBu", reversescale=True, colorbar=bar)
-    title = f"Lift of the surface behind the tool: {1e3 * found.max_lift_m:.0f} mm at most"
+    title = f"Lift of the surface behind the tool: {1e3 * found.max_lift_m:.0f} mm at the highest particle"
     return _map(image, title, "along travel, x [m]", "across travel, y [m]")
 
 

@@ -4,7 +4,6 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..analysis.summary import MEAN_DRAFT, short_name
 from ..errors import InputError
 from ..extras import require
 from .arguments import add_manner, add_overrides, positive_count
@@ -27,9 +26,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--least",
-        default=MEAN_DRAFT,
+        default="series.draft_newton.mean",
         metavar="COLUMN",
-        help=f"a column of trials.csv (default: {MEAN_DRAFT}); loads.specific.draft_pa is the draft over the "
+        help="a column of trials.csv (default: %(default)s); loads.specific.draft_pa is the draft over the "
         "loosened section",
     )
     parser.add_argument("--trials", type=positive_count, default=24, metavar="N", help="points (default: 24)")
@@ -64,6 +63,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _print(result: "SearchResult", args: argparse.Namespace) -> None:
+    from ..analysis.summary import short_name
+
     console = stdout_console()
     best = result.trials[0]
     keys = list(best.values)

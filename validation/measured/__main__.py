@@ -14,6 +14,7 @@ import re
 import sys
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -102,7 +103,9 @@ def calibrated(
     for name, soil in soils.items():
         path = folder / f"{name}.yaml"
         if not path.exists():
-            write_material(path, calibrate(soil, radius_m, processes, lambda text: None))
+            write_material(
+                path, calibrate(soil, radius_m, processes, partial(print, file=sys.stderr, flush=True))
+            )
         material = read_material(path, str(path))
         if material.soil != soil or material.radius_m != radius_m:
             raise InputError(f"{path}: is of other laboratory values or another radius; name another --out")

@@ -171,7 +171,8 @@ class SweepProgress:
     def begin(self, kept: int, count: int) -> None:
         """Start: `kept` of `count` runs are in the cache already."""
         self._done, self._count = kept, count
-        self._say(f"{self._title}: {count} runs, {kept} of them kept from before")
+        before = "" if kept == count else "; the first ticks follow when beds and kernels are ready"
+        self._say(f"{self._title}: {count} runs, {kept} of them kept from before{before}")
         self._bars.update(self._all, total=count, completed=kept, visible=True)
 
     def went_on(self, name: str, part: float) -> None:
@@ -180,6 +181,8 @@ class SweepProgress:
             return
         if name not in self._tasks:
             self._tasks[name] = self._bars.add_task(escape(name), total=100)
+            if self._bars.disable:
+                self._say(f"started: {name}")
         self._bars.update(self._tasks[name], completed=round(100.0 * part))
 
     def ended(self, name: str, failure: str | None) -> None:

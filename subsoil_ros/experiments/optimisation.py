@@ -26,7 +26,7 @@ stopped continues from its kept runs."""
 SAMPLER_SEED = 0
 
 RANDOM_TRIALS = 8
-"""Trials at random places before the results steer the search: two rounds, a third of the usual number."""
+"""Trials at random places before the results steer the search: two rounds, a third of the default trials."""
 
 DIGITS = 4
 """Significant digits of a proposed value: 0.1 mm of a width of 0.1 m."""

@@ -58,8 +58,9 @@ class Sweep:
         controls = [control_point(point, self.control) for point in points] if self.control else []
         unique = {point_key(point): point for point in (*points, *controls)}
         runs = tuple(unique.values())
-        alike = one_soil([job.scene for job in jobs_of(self.scene, self.overrides, runs)])
-        return jobs_of(self.scene, [*alike, *self.overrides], runs, self.seeds)
+        jobs = jobs_of(self.scene, self.overrides, runs, self.seeds)
+        alike = one_soil([job.scene for job in jobs])
+        return jobs_of(self.scene, [*alike, *self.overrides], runs, self.seeds) if alike else jobs
 
     def document(self) -> dict[str, object]:
         """The request as a document, for the folder."""

@@ -44,7 +44,7 @@ class MeshPart(CadKeys):
 
 class Blade(StrictModel):
     """A flat plate whose front leans back by the rake. Its cutting edge is level, at the origin of the tool's
-    axes."""
+    axes. By default it is a flat bar, ground so that its underside does not slide on the soil."""
 
     rake_deg: Positive = Field(le=90.0, description="front against the horizontal; 90: upright.")
     width_m: Positive

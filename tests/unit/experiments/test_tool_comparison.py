@@ -2,14 +2,18 @@
 
 import json
 import math
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from subsoil_ros.analysis.intervals import Interval
+from subsoil_ros.analysis.intervals import Interval, t_quantile
+from subsoil_ros.cli.compare import LEAST_FIELDS, MOST_FIELDS
 from subsoil_ros.experiments.run_cache import CachedRun
-from subsoil_ros.experiments.sweep_points import one_soil
+from subsoil_ros.experiments.run_sweep import Sweep
+from subsoil_ros.experiments.sweep_points import Variation, one_soil
 from subsoil_ros.experiments.tool_comparison import Side, quantities_over_fields
 from subsoil_ros.experiments.verdict import cautions, quantity_rows, verdicts
 from subsoil_ros.figures.comparison import Difference
@@ -137,3 +141,35 @@ def test_scenes_in_short_get_one_soil(tmp_path: Path) -> None:
     assert soils[0].surface == soils[1].surface
     given = [load_scene(path, ["soil.particles.radius_m=0.02"]) for path in scenes]
     assert not any("radius_m" in change for change in one_soil(given))
+
+
+def test_sweeps_over_meshes_have_one_soil(tmp_path: Path) -> None:
+    """Tools that would derive other particles and fields get the same ones; files lie beside the scene."""
+    meshes = load_scene("tine").directory / "../meshes"
+    for name in ("share", "shank"):
+        shutil.copy(meshes / f"{name}.stl", tmp_path)
+    scene = tmp_path / "tine.yaml"
+    scene.write_text(
+        "soil: loam\ntools: {tine: {mesh: share.stl, depth_m: 0.2, speed_m_per_s: 0.5}}\ntravel_m: 3\n",
+        encoding="utf-8",
+    )
+    vary = (Variation("tools.tine.mesh", ("share.stl", "shank.stl")),)
+    first, second = (job.scene.scene for job in Sweep(str(scene), (), vary).jobs())
+    assert first.tools != second.tools
+    assert first.particle_soil.particles == second.particle_soil.particles
+    assert first.particle_soil.bin == second.particle_soil.bin
+
+
+@pytest.mark.parametrize("percent", [0.5, 1.0, 2.5])
+def test_intervals_that_decide_when_to_stop(percent: float) -> None:
+    """Normal differences of deviation 1, fields added as by --until: the true mean is held in 91 to 95 %."""
+    drawn = np.random.default_rng(3).normal(size=(40_000, MOST_FIELDS))
+    count = np.arange(1, MOST_FIELDS + 1)
+    mean = drawn.cumsum(axis=1) / count
+    spread = np.sqrt(np.maximum((drawn**2).cumsum(axis=1) - count * mean**2, 0.0) / np.maximum(count - 1, 1))
+    half = np.array([1.0, *(t_quantile(n - 1) for n in count[1:])]) * spread / np.sqrt(count)
+    narrow = half <= percent
+    narrow[:, : LEAST_FIELDS - 1], narrow[:, -1] = False, True
+    at = narrow.argmax(axis=1)[:, None]
+    held = np.abs(np.take_along_axis(mean, at, 1)) <= np.take_along_axis(half, at, 1)
+    assert 0.905 <= held.mean() <= 0.955

@@ -10,6 +10,7 @@ import pytest
 from subsoil_ros.errors import InputError
 from subsoil_ros.loading.files import config_folder
 from subsoil_ros.loading.material_file import read_material
+from validation.measured import report
 from validation.narrow_blade import Pull
 
 measured = import_module("validation.measured.__main__")
@@ -95,3 +96,22 @@ def test_shipped_sets_can_be_read():
     ]
     assert readings[0] == readings[1]
     assert len(readings[0]) == 8
+
+
+def test_the_report_follows_the_rules():
+    """Geometric mean of both readings over the measured; the factor of the grain from three radii."""
+    row = dict.fromkeys(measured.COLUMNS, "1") | {
+        "width_m": "0.2", "depth_m": "0.15", "rake_deg": "90", "friction_angle_deg": "35",
+        "draft_newton": "100", "bulk_density_kg_per_m3": "1440", "metal_friction_angle_deg": "16",
+    }  # fmt: skip
+    rows = [
+        row | {"soil": soil, "radius_m": str(r), "simulated_newton": str(true * (1.0 + 2.0 * r / 0.15))}
+        for soil, true in (("a", 80.0), ("b", 180.0))
+        for r in (0.008, 0.012, 0.018)
+    ]
+    assert report.grain_slope(rows[:3]) == pytest.approx(2.0)
+    assert report.grain_slope(rows[:2]) is None
+    lines = list(report.report(rows))
+    assert lines[2].startswith("| 0.2 | 0.15 | 100 | 1.39 | 1.20 |")  # sqrt(80 x 180) = 120, times 1.16
+    assert lines[2].endswith("| 2.25 |")
+    assert any(line.startswith("| particles, without grain | 1 | 20% | 20% | +20% |") for line in lines)

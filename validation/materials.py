@@ -2,19 +2,22 @@
 
     python -m validation.materials [--soils loam] [--radii-mm 10 15] [--cell-m EDGE] [--json FILE]
     python -m validation.materials --soils dry_sand --solid-fractions 0.57 0.6 0.63 [--radii-mm 10]
+        [--frictions 0.3 0.6] [--rolling 0.1 0.3] [--seeds 3]
 
 Every soil is tested at every radius in endless cells of one edge (12 of the largest diameters, unless
 --cell-m says another), in plane strain. Exit status 1 where, of the mean over the seeds, the cohesion is off
 by more than 1 kPa and 10 %, the friction angle by more than 2 degrees, or the density by more than 3 %.
 
 With --solid-fractions the particles of a material, fitted at the solid fraction of its soil, are tested in
-looser and denser cells, up to the critical state: strength at the peak and in that state, and the solid
-fraction that the cell has then. These are reported only.
+looser and denser cells, up to the critical state: strength at the peak and in that state, with the range of
+its angle over the seeds, the solid fraction that the cell has then, and the slope of a small heap.
+--frictions and --rolling replace the particles' own. These are reported only.
 """
 
 import argparse
 import itertools
 import json
+import math
 import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -32,6 +35,7 @@ from subsoil_ros.experiments.element_tests import (
     plane_strain,
     prepare_cell,
 )
+from subsoil_ros.experiments.strength_tests import repose_rad
 from subsoil_ros.loading.files import shipped_material, shipped_names
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.loading.material_file import read_material
@@ -54,22 +58,39 @@ class Found(NamedTuple):
     held_to: float  # largest part by which a least stress missed its value
 
 
-def document_of(soil: str, radius_m: float, edge_m: float, seed: int, bed: dict[str, float]) -> Document:
-    """A scene of nothing but the soil."""
-    box = {"length_m": edge_m, "width_m": edge_m, "depth_m": edge_m}
-    particles = {"radius_m": radius_m}
-    parts = {"material": soil, "bin": box, "particles": particles, "bed": {"seed": seed} | bed}
-    return {"name": soil, "duration_s": 1.0, "soil": parts}
-
-
 def tested(soil: str, radius_m: float, edge_m: float, seed: int) -> Found:
     """A soil in a cell."""
-    scene = load_scene(document_of(soil, radius_m, edge_m, seed, {}))
+    box = {"length_m": edge_m, "width_m": edge_m, "depth_m": edge_m}
+    parts = {"material": soil, "bin": box, "particles": {"radius_m": radius_m}, "bed": {"seed": seed}}
+    scene = load_scene({"name": soil, "duration_s": 1.0, "soil": parts})
     cell = prepare_cell(scene, edge_m=edge_m)
     curves = [plane_strain(cell, least) for least in LEAST_PA]
     strength = fit_strength(*zip(*(curve.peak_pa() for curve in curves), strict=True))
     density = float(np.mean([curve.density_kg_per_m3 for curve in curves]))
     return Found(*strength, density, max(curve.held_to for curve in curves))
+
+
+class Sand(NamedTuple):
+    """Particles of a shipped material in a bed of another solid fraction; None: the material's own."""
+
+    soil: str
+    radius_m: float
+    solid_fraction: float
+    friction: float | None = None
+    rolling: float | None = None
+
+    def section(self, seed: int) -> Document:
+        """Keys of a scene's soil, without its bin."""
+        section = read_material(shipped_material(Path(self.soil)), self.soil).section(self.radius_m)
+        particle: Document = dict(section["law"]["particle"])
+        if self.friction is not None:
+            particle |= {"static_friction": self.friction, "sliding_friction": self.friction}
+        if self.rolling is not None:
+            particle |= {"rolling_friction": self.rolling}
+        return section | {
+            "bed": section["bed"] | {"seed": seed, "solid_fraction": self.solid_fraction},
+            "law": section["law"] | {"particle": particle},
+        }
 
 
 class AtFraction(NamedTuple):
@@ -78,39 +99,48 @@ class AtFraction(NamedTuple):
     peak: Strength
     critical: Strength
     critical_fraction: float
+    repose_deg: float
 
 
-def at_fraction(soil: str, radius_m: float, fraction: float, seed: int) -> AtFraction:
+def at_fraction(sand: Sand, seed: int) -> AtFraction:
     """A soil in a cell of CELL_DIAMETERS, strained as far as the critical state."""
-    edge = CELL_DIAMETERS * 2.0 * (1.0 + RADIUS_SPREAD) * radius_m
-    cell = prepare_cell(load_scene(document_of(soil, radius_m, edge, seed, {"solid_fraction": fraction})))
+    edge = CELL_DIAMETERS * 2.0 * (1.0 + RADIUS_SPREAD) * sand.radius_m
+    soil = sand.section(seed) | {"bin": {"length_m": edge, "width_m": edge, "depth_m": edge}}
+    scene = load_scene({"name": sand.soil, "duration_s": 1.0, "soil": soil})
+    cell = prepare_cell(scene)
     curves = [plane_strain(cell, least, CRITICAL_STRAIN, to_peak=False) for least in LEAST_PA]
     peak = fit_strength(*zip(*(curve.peak_pa() for curve in curves), strict=True))
     critical = fit_strength(*zip(*(curve.critical_pa() for curve in curves), strict=True))
     grown = [curve.volume_strain[curve.strain > 0.9 * CRITICAL_STRAIN].mean() for curve in curves]
-    return AtFraction(peak, critical, fraction / (1.0 + float(np.mean(grown))))
+    at_end = sand.solid_fraction / (1.0 + float(np.mean(grown)))
+    return AtFraction(peak, critical, at_end, math.degrees(repose_rad(scene)))
 
 
 def report_fractions(args: argparse.Namespace) -> None:
     """Prints the strength at each solid fraction."""
-    print("| soil | solid fraction | radius mm | c kPa | phi deg | critical c kPa | phi deg | fraction |")
-    print("|---" * 8 + "|")
-    cases = itertools.product(args.soils, args.solid_fractions, args.radii_mm)
+    print("| soil | r mm | fraction | friction | rolling | c kPa, phi deg | critical | fraction | heap deg |")
+    print("|---" * 9 + "|")
+    cases = itertools.product(
+        args.soils, args.radii_mm, args.solid_fractions, args.frictions or [None], args.rolling or [None]
+    )
     with ProcessPoolExecutor(args.processes) as pool:
         jobs = {
-            (soil, fraction, radius): [
-                pool.submit(at_fraction, soil, 1e-3 * radius, fraction, seed) for seed in SEEDS
-            ]
-            for soil, fraction, radius in cases
+            sand: [pool.submit(at_fraction, sand, seed) for seed in SEEDS[: args.seeds]]
+            for soil, radius, *rest in cases
+            for sand in [Sand(soil, 1e-3 * radius, *rest)]
         }
-        for (soil, fraction, radius), job in jobs.items():
+        for sand, job in jobs.items():
             cells = [one.result() for one in job]
-            found = np.array([(*cell.peak, *cell.critical, cell.critical_fraction) for cell in cells])
-            (c, phi, c_end, phi_end, end), spread = found.mean(axis=0), found.std(axis=0, ddof=1)
+            found = np.array(
+                [(*one.peak, *one.critical, one.critical_fraction, one.repose_deg) for one in cells]
+            )
+            (c, phi, c_end, phi_end, end, heap) = found.mean(axis=0)
+            spread = np.ptp(found, axis=0)
+            own = ["own" if value is None else f"{value:g}" for value in (sand.friction, sand.rolling)]
             print(
-                f"| {soil} | {fraction:g} | {radius:g} | {1e-3 * c:.2f} +- {1e-3 * spread[0]:.2f} "
-                f"| {phi:.1f} +- {spread[1]:.1f} | {1e-3 * c_end:.2f} +- {1e-3 * spread[2]:.2f} "
-                f"| {phi_end:.1f} +- {spread[3]:.1f} | {end:.3f} +- {spread[4]:.3f} |",
+                f"| {sand.soil} | {1e3 * sand.radius_m:g} | {sand.solid_fraction:g} | {' | '.join(own)} "
+                f"| {1e-3 * c:.2f}, {phi:.1f} ({spread[1]:.1f}) | {1e-3 * c_end:.2f}, {phi_end:.1f} "
+                f"({spread[3]:.1f}) | {end:.3f} | {heap:.1f} |",
                 flush=True,
             )
 
@@ -135,6 +165,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--radii-mm", nargs="+", type=float, default=[10.0, 15.0])
     parser.add_argument("--cell-m", type=float)
     parser.add_argument("--solid-fractions", nargs="+", type=float)
+    parser.add_argument("--frictions", nargs="+", type=float)
+    parser.add_argument("--rolling", nargs="+", type=float)
+    parser.add_argument("--seeds", type=int, default=len(SEEDS), choices=range(1, len(SEEDS) + 1))
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--json", type=Path, metavar="FILE")
     args = parser.parse_args(arguments)

@@ -135,7 +135,7 @@ def soil_of(plate: Plate, radius_m: float, seed: int) -> Document:
         soil = {"material": plate.soil, "particles": {"radius_m": radius_m}, "bed": {"seed": seed}}
     box = [times * plate.length_m for times in BEYOND] if plate.round else BOX_M
     return soil | {
-        "bin": {"length_m": box[0], "width_m": box[1], "depth_m": box[2], "sides": "periodic"},
+        "bin": {"length_m": box[0], "width_m": box[1], "depth_m": box[2]},
     }
 
 

@@ -1,8 +1,5 @@
-"""Measured drafts of blades beside the predicted ones: rules of PREDICTIONS.md, from kept runs in seconds.
-
-    python -m validation.measured.report
-
-Reads results/SET_RADIUS/results.csv, written by `python -m validation.measured --out`.
+"""Measured drafts of blades beside the predicted ones: rules of PREDICTIONS.md, from the kept runs of
+`python -m validation.measured TABLE --out results/SET_RADIUS`.
 """
 
 import csv
@@ -14,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ..blades import Blade, Soil, godwin_odogherty, mckyes_ali, perumpral
+from .plate_points import Point
 
 RESULTS = Path(__file__).with_name("results")
 RADIUS_M = 0.012
@@ -85,39 +83,37 @@ def predictions(rows: Sequence[Kept]) -> dict[str, dict[Place, list[float]]]:
     return found
 
 
-def report(rows: Sequence[Kept]) -> Iterator[str]:
-    """Tables: each row's geometric mean of both readings over the measured, and the errors."""
+def points() -> Iterator[Point]:
+    """Geometric mean of both readings of each row, without the grain where three radii are there."""
+    rows = read("obermayr2013")
     measured = {place_of(row): float(row["draft_newton"]) for row in rows}
-    readings = len({row["soil"] for row in rows})
+    readings = {row["soil"] for row in rows}
     found = predictions(rows)
-    yield "| width m | depth m | measured N | " + " | ".join(found) + " | readings apart |"
-    yield "|---" * (len(found) + 4) + "|"
-    ratios: dict[str, dict[Place, float]] = defaultdict(dict)
+    particles = found.pop("particles, without grain", None) or found["particles"]
+    found.pop("particles", None)
     for place in sorted(measured):
-        cells = []
-        for name, drafts in found.items():
-            both = drafts.get(place, [])
-            if len(both) == readings:
-                ratios[name][place] = math.exp(float(np.mean(np.log(both)))) / measured[place]
-            cells.append(f"{ratios[name][place]:.2f}" if place in ratios[name] else "-")
-        both = found["particles"].get(place, [])
-        apart = f"{max(both) / min(both):.2f}" if len(both) == readings else "-"
-        yield f"| {place[0]:g} | {place[1]:g} | {measured[place]:.0f} | {' | '.join(cells)} | {apart} |"
-    yield ""
-    yield "| predicted by | rows | mean absolute error | without the suspect row | mean |"
-    yield "|---|---|---|---|---|"
-    for name, by_place in ratios.items():
-        off = {place: ratio - 1.0 for place, ratio in by_place.items()}
-        trusted = [value for place, value in off.items() if place != SUSPECT]
-        yield (
-            f"| {name} | {len(off)} | {_mean_size(list(off.values())):.0%} | {_mean_size(trusted):.0%} "
-            f"| {np.mean(list(off.values())):+.0%} |"
-        )
+        if len(particles.get(place, [])) == len(readings) == 2:
+            yield Point(
+                "Obermayr et al.", f"{place[0]:g} m wide, {place[1]:g} m deep, N", measured[place],
+                _mean(particles[place]), {name: _mean(drafts[place]) for name, drafts in found.items()},
+            )  # fmt: skip
 
 
-def _mean_size(values: Sequence[float]) -> float:
-    return float(np.mean(np.abs(values))) if values else math.nan
+def verdict() -> str:
+    """The rules of the set as a whole."""
+    suspect = f"{SUSPECT[0]:g} m wide, {SUSPECT[1]:g} m deep, N"
+    off = {point.what: abs(point.predicted / point.measured - 1.0) for point in points()}
+    if not off:
+        return "Blades: no row has both readings yet."
+    trusted = [value for what, value in off.items() if what != suspect]
+    drafts = predictions(read("obermayr2013"))["particles"].values()
+    apart = max(max(both) / min(both) for both in drafts if len(both) == 2)
+    return (
+        f"Blades: {len(off)} rows of 8, mean absolute error {np.mean(list(off.values())):.0%}, without the "
+        f"suspect row {np.mean(trusted):.0%} (below 15 %); readings up to {apart:.2f} apart (1.6)."
+    )
 
 
-if __name__ == "__main__":
-    print("\n".join(report(read("obermayr2013"))))
+def _mean(values: Sequence[float]) -> float:
+    """Geometric."""
+    return math.exp(float(np.mean(np.log(values))))

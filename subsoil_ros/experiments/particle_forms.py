@@ -13,7 +13,7 @@ from ..yaml_document import Document
 from .element_tests import NEIGHBOURS, rumpf_pa
 
 ROLLING_FRICTION = 0.1
-"""Stands for the shape of grains: small against the friction, so that one number is left to fit."""
+"""Stands for the shape of grains, unless a critical angle is given: small against the friction."""
 
 RESTITUTION = 0.6
 """Restitution of two particles without attraction: dampers too weak to change the draft, and no rattling."""
@@ -49,6 +49,7 @@ class Wanted(NamedTuple):
     radius_m: float  # mean
     density_kg_per_m3: float  # of a particle
     stiffness: float  # of a contact that loads [N/m]
+    rolling_friction: float = ROLLING_FRICTION
 
     @property
     def mean_radius_m(self) -> float:
@@ -74,7 +75,7 @@ class Wanted(NamedTuple):
         own = {
             "static_friction": friction,
             "sliding_friction": friction,
-            "rolling_friction": ROLLING_FRICTION,
+            "rolling_friction": self.rolling_friction,
         }
         return own, dict.fromkeys(own, on_metal)
 

@@ -32,9 +32,27 @@ class LaboratorySoil(StrictModel):
     bulk_density_kg_per_m3: Positive  # moist
     metal_friction_angle_deg: Annotated[float, Field(ge=0.0, lt=60.0)]  # delta, of soil on a tool
     solid_fraction: float = Field(0.60, ge=0.55, le=0.64)  # of the bed of spheres: dense ones dilate
+    critical_friction_angle_deg: Annotated[float, Field(gt=0.0, lt=60.0)] | None = None  # of a dry soil
     confined_modulus_pa: Positive | None = None  # secant from 10 to 100 kPa; None: overlaps at work decide
     tensile_strength_pa: NonNegative | None = None  # compared, not fitted
     water_content: NonNegative | None = None  # mass of water over that of dry soil; not used
+
+    @model_validator(mode="after")
+    def _critical_of_dry_soil(self) -> "LaboratorySoil":
+        critical = self.critical_friction_angle_deg
+        if critical is None:
+            return self
+        if self.cohesion_pa > 0.0:
+            raise ValueError(
+                f"critical_friction_angle_deg: given {critical:g} with cohesion_pa {self.cohesion_pa:g}; it "
+                "is fitted without cohesion only: leave it out, or give cohesion_pa 0"
+            )
+        if critical > self.friction_angle_deg:
+            raise ValueError(
+                f"critical_friction_angle_deg: given {critical:g}; it must be at most friction_angle_deg, "
+                f"{self.friction_angle_deg:g}, the angle at the peak"
+            )
+        return self
 
     @model_validator(mode="after")
     def _bounded_tension(self) -> "LaboratorySoil":

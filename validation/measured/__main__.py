@@ -2,9 +2,10 @@
 
     python -m validation.measured TABLE.csv --out DIR [--radius-mm 10] [--seed 1] [--travel-m 0.5 1.5]
         [--processes 2]
+    python -m validation.measured all
 
 The table's columns are those of template.csv. Every soil in it is calibrated to its laboratory values. The
-same call goes on where it was stopped.
+same call goes on where it was stopped. `all` writes the tables and the figure of REPORT.md from kept runs.
 """
 
 import argparse
@@ -24,8 +25,9 @@ from subsoil_ros.loading.material_file import read_material, write_material
 from subsoil_ros.loading.validation import validated
 from subsoil_ros.scene.material import LaboratorySoil, Material
 
-from ..blades import Blade, godwin_odogherty, mckyes_ali, perumpral
+from ..blades import Blade, Soil, godwin_odogherty, mckyes_ali, perumpral
 from ..narrow_blade import pulled, soil_of
+from . import page
 
 LABORATORY = (
     "source", "cohesion_pa", "friction_angle_deg", "bulk_density_kg_per_m3", "metal_friction_angle_deg",
@@ -50,6 +52,13 @@ RESULTS = (
 )
 HEAP_M = 0.05
 """A blade stands out of the surface by its depth and this, so that no heap flows over it."""
+
+DENSITIES = (500.0, 3000.0)
+"""Bulk densities that a soil on earth can have [kg/m3]."""
+
+UNIT, CONTRADICTED = 100.0, 2.0
+"""A draft that is so many times off from theory has another unit; a cohesion whose theory is so many times
+above the draft is asked about."""
 
 Row = dict[str, str | float]
 
@@ -79,7 +88,44 @@ def read_table(path: Path) -> list[Row]:
             rows.append(found)
     if not rows:
         raise InputError(f"{path}: has no row; add measured runs below its columns")
+    for number, row in enumerate(rows, start=2):
+        _check(row, f"{path}: line {number}")
     return rows
+
+
+def _check(row: Row, where: str) -> None:
+    """Raises InputError for values that no soil or blade has, or another unit; warns of a cohesion that the
+    draft contradicts."""
+    density = float(row["bulk_density_kg_per_m3"])
+    if not DENSITIES[0] <= density <= DENSITIES[1]:
+        raise InputError(
+            f"{where}: bulk_density_kg_per_m3: given {density:g}; a soil has {DENSITIES[0]:g} to "
+            f"{DENSITIES[1]:g}: give the moist density in kg/m3, without which no draft can be predicted"
+        )
+    angles = (math.radians(float(row[key])) for key in ("friction_angle_deg", "metal_friction_angle_deg"))
+    cohesion, draft = float(row["cohesion_pa"]), float(row["draft_newton"])
+    try:
+        theory = perumpral(Soil(cohesion, next(angles), density, next(angles)), _blade(row)).draft_newton
+    except ValueError as error:
+        raise InputError(f"{where}: {error}") from error
+    if not theory / UNIT < draft < theory * UNIT:
+        raise InputError(
+            f"{where}: draft_newton: given {draft:g}; theory (Perumpral) says {theory:.3g} N with "
+            f"cohesion_pa {cohesion:g}: are both in N and Pa?"
+        )
+    if cohesion > 0.0 and theory > CONTRADICTED * draft:
+        print(
+            f"{where}: cohesion_pa: {cohesion:g} makes {theory:.3g} N by theory (Perumpral), measured are "
+            f"{draft:g} N: is it the intercept of a curved envelope? A dry sand has no cohesion",
+            file=sys.stderr,
+        )
+
+
+def _blade(row: Row) -> Blade:
+    width, depth, rake, speed = (
+        float(row[key]) for key in ("width_m", "depth_m", "rake_deg", "speed_m_per_s")
+    )
+    return Blade(width, depth, math.radians(rake), speed)
 
 
 def calibrated(
@@ -121,9 +167,7 @@ def drawn(
     travel_m: from where to where means are taken (default: as narrow_blade.pulled).
     """
     depth = float(row["depth_m"])
-    blade = Blade(
-        float(row["width_m"]), depth, math.radians(float(row["rake_deg"])), float(row["speed_m_per_s"])
-    )
+    blade = _blade(row)
     way = {} if travel_m is None else {"first_m": travel_m[0], "depths": travel_m[1] / depth}
     pull = pulled(str(soil.resolve()), radius_m, blade, seed=seed, above_m=depth + HEAP_M, **way)
     theory = soil_of(read_material(soil, str(soil)))
@@ -148,13 +192,18 @@ def same(one: Mapping[str, object], other: Mapping[str, object]) -> bool:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Draw the blades that have not been drawn; keep each row as it is done; print the table."""
     parser = argparse.ArgumentParser(prog="python -m validation.measured", description=main.__doc__)
-    parser.add_argument("table", type=Path)
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR")
+    parser.add_argument("table", type=Path, metavar="TABLE.csv", help="or: all")
+    parser.add_argument("--out", type=Path, metavar="DIR")
     parser.add_argument("--radius-mm", type=float, default=10.0)
     parser.add_argument("--seed", type=int, default=1, help="of the field")
     parser.add_argument("--travel-m", type=float, nargs=2, metavar=("FROM", "TO"), help="of the means")
     parser.add_argument("--processes", type=int, default=2)
     args = parser.parse_args(arguments)
+    if str(args.table) == "all":
+        page.write()
+        return 0
+    if args.out is None:
+        parser.error("--out: give the folder that materials and results are written to")
     radius, travel = 1e-3 * args.radius_mm, tuple(args.travel_m) if args.travel_m else None
     try:
         rows = read_table(args.table)

@@ -151,6 +151,8 @@ def test_a_material_of_another_version(tmp_path):
     [
         ({"tensile_strength_pa": 14e3}, r"no soil bears more tension than .* 1\.331e\+04 Pa"),
         ({"friction_angle_deg": 70.0}, "friction_angle_deg"),
+        ({"critical_friction_angle_deg": 25.0}, "it is fitted without cohesion only"),
+        ({"cohesion_pa": 0.0, "critical_friction_angle_deg": 40.0}, "at most friction_angle_deg, 31"),
         ({"cohesion": 3.0}, "unknown key 'cohesion'"),
         ({"source": None}, "source"),
     ],
@@ -202,6 +204,11 @@ def made_up(monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
         angle = 45.0 * (1.0 - math.exp(-3.0 * friction)) + 0.2 * attraction
         return angle * (1.0 + off), 3e3 * attraction * (0.4 + friction) * (1.0 - off), 0.61 * 2500.0
 
+    def peak_and_critical(document: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        angle, _, density = strength(document)
+        rolling = document["soil"]["law"]["particle"]["rolling_friction"]
+        return (angle + 20.0 * rolling, 0.0, density), (23.0 + 30.0 * rolling, 10.0, density)
+
     @contextmanager
     def connected(scheduler: str | None, workers: int) -> Iterator[tuple[InProcess, int]]:
         yield InProcess(), workers
@@ -213,6 +220,7 @@ def made_up(monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
     monkeypatch.setattr(calibration, "connected", connected)
     monkeypatch.setattr(calibration, "_strength", strength)
     monkeypatch.setattr(calibration, "_critical", strength)
+    monkeypatch.setattr(calibration, "_peak_and_critical", peak_and_critical)
     monkeypatch.setattr(calibration, "_modulus", modulus)
     monkeypatch.setattr(calibration, "_tension", lambda document: 1e3)
     monkeypatch.setattr(calibration, "_pressed", lambda document: None)
@@ -281,6 +289,20 @@ def test_dry_soil_has_no_attraction(made_up):
     assert material.law["kind"] == "linear"
     assert set(material.fitted) == {"static_friction"}
     assert "tensile_strength_pa" not in material.measured
+
+
+def test_the_critical_angle_of_a_dry_soil_is_met_by_rolling_friction(made_up, tmp_path):
+    """Both angles, in a file that gives both frictions back."""
+    wanted = {"cohesion_pa": 0.0, "friction_angle_deg": 36.0, "critical_friction_angle_deg": 31.0}
+    material = fit(**wanted)
+    assert abs(material.measured["friction_angle_deg"].value - 36.0) < 0.3
+    assert abs(material.measured["critical_friction_angle_deg"].value - 31.0) < 0.3
+    assert set(material.fitted) == {"static_friction", "rolling_friction"}
+    rolling = material.fitted["rolling_friction"].value
+    assert material.law["particle"]["rolling_friction"] == rolling == pytest.approx(8.0 / 30.0, abs=0.01)
+    path = tmp_path / "made.yaml"
+    write_material(path, material)
+    assert read_material(path, "made") == material
 
 
 def test_what_cannot_be_reached(made_up):

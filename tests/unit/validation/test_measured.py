@@ -4,7 +4,6 @@ import csv
 import math
 import re
 from concurrent.futures import ThreadPoolExecutor
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +13,9 @@ from subsoil_ros.errors import InputError
 from subsoil_ros.loading.files import config_folder
 from subsoil_ros.loading.material_file import read_material
 from validation.measured import blade_points, page, plate_points, plates
+from validation.measured import blade_runs as measured
 from validation.narrow_blade import Pull
 
-measured = import_module("validation.measured.__main__")
 TEMPLATE = Path(measured.__file__).with_name("template.csv")
 ROW = ["made up", "soil", 9e3, 31.0, 1450.0, 22.0, 45.0, 0.05, 0.15, 0.5, 700.0, "", ""]
 

@@ -153,8 +153,12 @@ def calibrated(
                 path, calibrate(soil, radius_m, processes, partial(print, file=sys.stderr, flush=True))
             )
         material = read_material(path, str(path))
-        if material.soil != soil or material.radius_m != radius_m:
-            raise InputError(f"{path}: is of other laboratory values or another radius; name another --out")
+        low, high = material.radii_m
+        if material.soil != soil or not low <= radius_m <= high:
+            raise InputError(
+                f"{path}: is of other laboratory values, or of a radius less than half or more than twice "
+                "this one; name another --out"
+            )
         found[name] = path, material
     return found
 

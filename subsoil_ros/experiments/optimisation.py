@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,10 +12,12 @@ import pandas as pd
 from ..analysis.intervals import Interval, difference_by_seed, mean_interval
 from ..errors import InputError, RunError
 from ..loading.files import shipped_scene
+from ..loading.loader import load_scene
+from ..loading.overrides import Override, as_fragment
 from ..yaml_document import Document, dump_yaml, merge
 from .run_jobs import ExecutionOptions, Watcher, run_jobs
 from .run_sweep import RUNS, failed_of, open_folder, refuse_unknown, table_of, write_table, write_whole
-from .sweep_points import Point, Variation, jobs_of, one_soil
+from .sweep_points import Job, Point, Variation, jobs_of, one_soil, seed_key
 
 REQUEST = "optimise.yaml"
 
@@ -123,6 +125,7 @@ def search(wanted: Search, out: Path, manner: ExecutionOptions, watcher: Watcher
         for ends in itertools.product(*((item.low, item.high) for item in wanted.ranges))
     ]
     of_corners = jobs_of(wanted.scene, wanted.overrides, corners, wanted.seeds)
+    _refuse_unwritable(wanted, of_corners[0])
     changes = [*one_soil([job.scene for job in of_corners]), *wanted.overrides]
     open_folder(out, REQUEST)
     write_whole(out / REQUEST, lambda part: part.write_text(dump_yaml(wanted.document()), encoding="utf-8"))
@@ -156,7 +159,10 @@ def search(wanted: Search, out: Path, manner: ExecutionOptions, watcher: Watcher
         raise RunError(f"no point has all its runs; {why}")
     trials.sort(key=lambda trial: trial.result.mean)
     best = out / "best.yaml"
-    write_whole(best, lambda part: part.write_text(_scene(wanted, trials[0]), encoding="utf-8"))
+    write_whole(
+        best,
+        lambda part: part.write_text(dump_yaml(_scene(wanted, trials[0].values, of_corners[0])), "utf-8"),
+    )
     return SearchResult(trials, failed, best, [*paths, best])
 
 
@@ -174,13 +180,20 @@ def _results(rows: pd.DataFrame, point: Point, column: str) -> dict[int, float]:
     return {int(seed): float(value) for seed, value in zip(own["seed"], own[column], strict=True)}
 
 
-def _scene(wanted: Search, best: Trial) -> str:
-    """The searched scene with the values of a trial."""
+def _scene(wanted: Search, values: Mapping[str, object], like: Job) -> Document:
+    """The searched scene with these values; like: a run with others."""
     document: Document = {"base": wanted.document()["scene"]}
-    for key, value in best.values.items():
-        part: object = value
-        for word in reversed(key.split(".")):
-            part = {word: part}
-        assert isinstance(part, dict)
-        document = merge(document, part, key)
-    return dump_yaml(document)
+    for key, value in values.items():
+        document = merge(document, as_fragment(like.scene.document, Override(key, value)), key)
+    return document
+
+
+def _refuse_unwritable(wanted: Search, first: Job) -> None:
+    """Raises InputError where a scene file with the values of a run is not the scene that is run."""
+    seeded = [] if first.point.seed is None else [f"{seed_key(first.scene)}={first.point.seed}"]
+    written = load_scene(_scene(wanted, first.point.values, first), [*wanted.overrides, *seeded])
+    if written.scene_hash != first.scene.scene_hash:
+        raise InputError(
+            f"--vary {', '.join(first.point.values)}: best.yaml could not hold the values, as the scene's "
+            "initial_condition comes after them; search a scene with initial_condition: null"
+        )

@@ -52,11 +52,15 @@ def overrides_of(changes: Mapping[str, object]) -> list[Override]:
 
 def apply_override(document: Document, override: Override) -> Document:
     """A new document with the override laid over it. Raises SceneError for an unknown path."""
-    keys = _split(document, override)
+    return merge(document, as_fragment(document, override), override.source)
+
+
+def as_fragment(document: Document, override: Override) -> Document:
+    """The override as a part of a document. Raises SceneError for an unknown path."""
     fragment: Any = override.value
-    for key in reversed(keys):
+    for key in reversed(_split(document, override)):
         fragment = {key: fragment}
-    return merge(document, fragment, override.source)
+    return dict(fragment)
 
 
 def _split(document: Document, override: Override) -> list[str]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..blades import GRAVITY_M_PER_S2
-from .plates import SANDS, SETS, Plate, discs, record, submerged
+from .plates import SANDS, SETS, Plate, record, submerged
 
 HERE = Path(__file__).parent
 
@@ -104,13 +104,13 @@ def _pressure(plate: Plate, radius_m: float) -> float:
 
 def grain_of_discs() -> float:
     """b of the plate of 80 mm in `repose_29`, at the larger sinkage."""
-    return grain(discs("repose_29", (80,), 22, 40)[0], GRAIN_RADII_M["pavlov"], _pressure)
+    return grain(SETS["pavlov_grain"][0], GRAIN_RADII_M["pavlov"], _pressure)
 
 
 def effective_depth_m() -> float:
     """By how much the curve of the largest particles must be deeper to lie on that of the smallest, at the
     larger sinkage [m]; NaN while a run is missing."""
-    plate = discs("repose_29", (80,), 22, 40)[0]
+    (plate,) = SETS["pavlov_grain"]
     small, large = (record(plate.name(GRAIN_RADII_M["pavlov"][at])) for at in (0, -1))
     if small is None or large is None:
         return math.nan
@@ -250,7 +250,7 @@ def quikrete() -> Point:
     (row,) = (row for row in table("agarwal2019") if row["medium"].startswith("Quikrete"))
     measured, radius = 10.0 * float(row["alpha_z_newton_per_cm3"]), RADIUS_M["li"]
     plates = [submerged(soil)[-1] for soil in ("peak_34", "peak_38")]
-    b = grain(plates[1], GRAIN_RADII_M["li"], level_slope)
+    b = grain(SETS["li_grain"][0], GRAIN_RADII_M["li"], level_slope)
     pushed = [level_slope(plate, radius) for plate in plates]
     predicted = 1e-5 * math.sqrt(math.prod(pushed)) / (1.0 + b * radius / plates[0].length_m)
     depths = np.linspace(*PUSHED_M, 31)

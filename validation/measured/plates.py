@@ -121,6 +121,8 @@ SETS: dict[str, list[Plate]] = {
     "pavlov": discs("repose_29", (60, 80, 100), 22, 40) + discs("critical_29", (60, 80, 100), 22, 40),
     "kruger": discs("critical_33", (151,), 76, 90),
     "li": submerged("peak_38") + submerged("peak_34"),
+    "pavlov_grain": discs("repose_29", (80,), 22, 40),
+    "li_grain": submerged("peak_38")[-1:],
     "wong": [plate for soil in SHIPPED for plate in discs(soil, (200,), 52, 80)],
 }
 

@@ -7,6 +7,7 @@ import pytest
 
 from subsoil_ros.cli.main import main
 from subsoil_ros.experiments import optimisation
+from subsoil_ros.experiments.sweep_points import Point, jobs_of
 from subsoil_ros.loading.loader import load_scene
 from tests.unit.experiments.in_process import run_jobs_here
 
@@ -46,6 +47,18 @@ def test_the_least_draft_is_found_and_can_be_run(scene: Path, tmp_path: Path, ca
     assert load_scene(out / "best.yaml", ["soil.seed=1"]).scene_hash.startswith(best["run"])
     printed = capsys.readouterr().out
     assert f"subsoil compare {scene} {out / 'best.yaml'}" in printed.replace("\n", "")
+
+
+def test_names_with_a_dot(tmp_path: Path, capsys: Captured) -> None:
+    """A start value keeps its name, shank.angle_rad; an initial condition would win over it in a file."""
+    scene, key = "subsoiler_1s300_wedge", "mechanism.initial.coordinates.shank.angle_rad"
+    wanted = optimisation.Search(scene, (), (optimisation.Range(key, 0.0, 0.1),), DRAFT, 1)
+    (job,) = jobs_of(scene, (), [Point({key: 0.05})])
+    document = optimisation._scene(wanted, {key: 0.07}, job)
+    assert document["mechanism"] == {"initial": {"coordinates": {"shank.angle_rad": 0.07}}}
+    words = ["optimise", scene, "--vary", f"{key}=0,0.1", "--out", str(tmp_path / "out")]
+    assert main(words) == 2
+    assert "search a scene with initial_condition: null" in " ".join(capsys.readouterr().err.split())
 
 
 def test_without_a_point_that_runs(scene: Path, tmp_path: Path, capsys: Captured) -> None:

@@ -111,7 +111,7 @@ def discs(soil: str, diameters_mm: Iterable[float], depth_mm: float, thickness_m
 
 
 def submerged(soil: str) -> list[Plate]:
-    """The plate of Li, Zhang and Goldman (2013) [m]: 25 by 38 mm, here 6 mm thick (more than a particle)."""
+    """The plate of Li, Zhang and Goldman (2013) [m]: 25 by 38 mm, here 6 mm thick (more than a radius)."""
     size = (0.025, 0.038, 0.006)
     drags = [Plate(soil, attack, *size, 0.05, "drag") for attack in (0.0, 90.0, 45.0, -45.0)]
     return [*drags, Plate(soil, 0.0, *size, 0.06, "lift")]

@@ -55,11 +55,11 @@ BEYOND = (5.0, 5.0, 2.5)
 """Length, width and depth of the field about a round plate, over its diameter."""
 
 BOX_M = (0.30, 0.19, 0.15)
-"""Of a plate 38 mm wide that is dragged by 60 mm, 50 mm deep: five widths across the motion, more ahead of
-the plate than a passive wedge reaches."""
+"""About a plate 38 mm wide that is dragged 50 mm deep: five widths across the motion, and ahead of the plate
+more than a passive wedge reaches."""
 
-DRAG_M, STARTS_AT = 0.06, 0.35
-"""Way of a drag, and where in the bed's length a plate goes in that will be dragged."""
+DRAG_M = 0.06
+"""Way of a drag."""
 
 SIDES = 64
 """Of the prism that stands for a round plate: its area is 0.2 % less than a circle's."""
@@ -136,19 +136,10 @@ def soil_of(plate: Plate, radius_m: float, seed: int) -> Document:
     else:
         soil = {"material": plate.soil, "particles": {"radius_m": radius_m}, "bed": {"seed": seed}}
     length, width, depth = (times * plate.length_m for times in BEYOND) if plate.round else BOX_M
-    behind = starts_m(plate)
     return soil | {
-        "bin": {
-            "length_m": length + DRAG_M, "width_m": width, "depth_m": depth, "sides": "held",
-        },
-        "window": {"behind_m": behind, "ahead_m": length - behind},
-    }  # fmt: skip
-
-
-def starts_m(plate: Plate) -> float:
-    """x of the place where a plate goes in."""
-    length = BEYOND[0] * plate.length_m if plate.round else BOX_M[0]
-    return length * (STARTS_AT if plate.then == "drag" else 0.5)
+        "bin": {"length_m": length + DRAG_M, "width_m": width, "depth_m": depth, "sides": "held"},
+        "window": {"behind_m": 0.5 * length, "ahead_m": 0.5 * length},
+    }
 
 
 def ways(plate: Plate) -> Iterator[tuple[float, float, float]]:
@@ -167,7 +158,7 @@ def _lowest_m(plate: Plate) -> float:
 def push(plate: Plate, radius_m: float, seed: int, speed_m_per_s: float) -> str:
     """Runs a plate and writes its table: depth and travel [m], force on the plate along x and upward [N]."""
     soil = soil_of(plate, radius_m, seed)
-    x, z = starts_m(plate), _lowest_m(plate) + ABOVE_M
+    x, z = soil["window"]["behind_m"], _lowest_m(plate) + ABOVE_M
 
     def at(along: float, up: float) -> tuple[ToolMotion, ...]:
         return (ToolMotion("plate", x, 0.0, z, 0.0, speed_m_per_s * along, speed_m_per_s * up, 0.0),)

@@ -76,8 +76,10 @@ def tables() -> str:
         *rows(found),
         "",
         "Growth with the size of particles, b of $p_0 (1 + b\\, r/D)$, plate of 80 mm: "
-        f"{_number(plate_points.grain_of_discs())}. Shift of the depth between particles of 6 and of 2.5 mm: "
-        f"{_number(1e3 * plate_points.effective_depth_m())} mm; the difference of their diameters is 7 mm.",
+        f"{_number(plate_points.grain_of_discs())}. Shift of the depth between particles of 6 and of 2.5 mm "
+        "at sinkages of 10, 15 and 20 mm: "
+        + ", ".join(_number(1e3 * plate_points.effective_depth_m(at)) for at in (0.010, 0.015, 0.020))
+        + " mm; the difference of their diameters is 7 mm.",
         "",
         "Round plates, if the angle of repose is that of the critical state (`critical_29`), over measured: "
         + ", ".join(f"{point.what} {_number(point.predicted / point.measured)}" for point in both)

@@ -107,17 +107,17 @@ def grain_of_discs() -> float:
     return grain(SETS["pavlov_grain"][0], GRAIN_RADII_M["pavlov"], _pressure)
 
 
-def effective_depth_m() -> float:
-    """By how much the curve of the largest particles must be deeper to lie on that of the smallest, at the
-    larger sinkage [m]; NaN while a run is missing."""
+def effective_depth_m(sinkage_m: float) -> float:
+    """By how much the curve of the largest particles must be deeper to lie on that of the smallest at a
+    sinkage [m]; NaN while a run is missing."""
     (plate,) = SETS["pavlov_grain"]
     small, large = (record(plate.name(GRAIN_RADII_M["pavlov"][at])) for at in (0, -1))
     if small is None or large is None:
         return math.nan
-    wanted = pressed_pa(small, plate, SINKAGES_M[-1:])[0]
-    depths = np.arange(0.001, SINKAGES_M[-1], 0.0002)
+    wanted = pressed_pa(small, plate, (sinkage_m,))[0]
+    depths = np.arange(0.001, sinkage_m, 0.0002)
     reached = np.maximum.accumulate(pressed_pa(large, plate, depths))
-    return SINKAGES_M[-1] - float(np.interp(wanted, reached, depths))
+    return sinkage_m - float(np.interp(wanted, reached, depths))
 
 
 def _sinkage_points(name: str, what: str, measured: Any, predicted: Any, forms: Any) -> Iterator[Point]:

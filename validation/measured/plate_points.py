@@ -1,8 +1,4 @@
-"""Measured plates beside the predicted ones: rules of PREDICTIONS.md, from the kept runs of plates.py.
-
-Closed forms of the bearing capacity: A. S. Vesic, J. Soil Mech. Found. Div. ASCE 99 (1973) 45-73, without
-depth factors; G. G. Meyerhof, Canadian Geotechnical Journal 1 (1963) 16-26.
-"""
+"""Measured plates beside the predicted ones: rules of PREDICTIONS.md, from the kept runs of plates.py."""
 
 import csv
 import math
@@ -14,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..blades import GRAVITY_M_PER_S2
-from .plates import SANDS, SETS, Plate, record, submerged
+from .bearing import FORMS, sand
+from .plates import SANDS, SETS, Plate, pressed_pa, record, submerged
 
 HERE = Path(__file__).parent
 
@@ -44,48 +40,6 @@ def table(name: str) -> list[dict[str, str]]:
     """Rows of a measured set."""
     with (HERE / f"{name}.csv").open(newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))
-
-
-def vesic_pa(
-    friction_rad: float, density: float, depth_m: float, width_m: float, over_length: float
-) -> float:
-    """Pressure that a plate bears on soil without cohesion [Pa]; over_length: its width over its length."""
-    tangent = math.tan(friction_rad)
-    n_q = math.exp(math.pi * tangent) * math.tan(0.25 * math.pi + 0.5 * friction_rad) ** 2
-    n_gamma = 2.0 * (n_q + 1.0) * tangent
-    buried = depth_m * n_q * (1.0 + over_length * tangent)
-    below = 0.5 * width_m * n_gamma * (1.0 - 0.4 * over_length)
-    return density * GRAVITY_M_PER_S2 * (buried + below)
-
-
-def meyerhof_pa(
-    friction_rad: float, density: float, depth_m: float, width_m: float, over_length: float
-) -> float:
-    """As vesic_pa, by Meyerhof's factors of shape and depth."""
-    tangent, half = math.tan(friction_rad), math.tan(0.25 * math.pi + 0.5 * friction_rad)
-    n_q = math.exp(math.pi * tangent) * half**2
-    n_gamma = (n_q - 1.0) * math.tan(1.4 * friction_rad)
-    factor = (1.0 + 0.1 * half**2 * over_length) * (1.0 + 0.1 * half * depth_m / width_m)
-    return density * GRAVITY_M_PER_S2 * factor * (depth_m * n_q + 0.5 * width_m * n_gamma)
-
-
-FORMS: dict[str, Callable[[float, float, float, float, float], float]] = {
-    "Vesic": vesic_pa,
-    "Meyerhof": meyerhof_pa,
-}
-
-
-def pressed_pa(run: NDArray[Any] | None, plate: Plate, depths_m: Iterable[float]) -> NDArray[np.float64]:
-    """Pressure under a plate on its way in, at each depth; NaN where it was not run.
-
-    The mean over 2 mm of sinkage.
-    """
-    wanted = np.fromiter(depths_m, float)
-    if run is None:
-        return np.full(len(wanted), math.nan)
-    last = int(np.argmax(run["depth_m"])) + 1
-    depth, force = run["depth_m"][:last], run["force_z_newton"][:last]
-    return np.array([force[np.abs(depth - at) <= 0.001].mean() for at in wanted]) / plate.area_m2
 
 
 def grain(plate: Plate, radii_m: Iterable[float], stress: Callable[[Plate, float], float]) -> float:
@@ -141,7 +95,7 @@ def _sinkage_points(name: str, what: str, measured: Any, predicted: Any, forms: 
 def _forms(friction_deg: float, density: float, width_m: float) -> dict[str, list[float]]:
     """Of a round plate at both sinkages."""
     return {
-        name: [form(math.radians(friction_deg), density, depth, width_m, 1.0) for depth in SINKAGES_M]
+        name: [form(sand(friction_deg, density), depth, width_m, 1.0) for depth in SINKAGES_M]
         for name, form in FORMS.items()
     }
 
@@ -258,7 +212,7 @@ def quikrete() -> Point:
     for name, form in FORMS.items():
         slopes = []
         for angle in (34.0, 38.0):
-            stress = [form(math.radians(angle), 1560.0, z, 0.025, 25.0 / 38.0) for z in depths]
+            stress = [form(sand(angle, 1560.0), z, 0.025, 25.0 / 38.0) for z in depths]
             slopes.append(float(depths @ stress / (depths @ depths)))
         forms[name] = 1e-5 * math.sqrt(math.prod(slopes))
     off = abs(predicted / measured - 1.0)

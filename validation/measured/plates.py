@@ -8,6 +8,7 @@ is there is not run again. PREDICTIONS.md says what is compared with what, and w
 
 import argparse
 import csv
+import math
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
@@ -47,6 +48,9 @@ SPEED_M_PER_S = 0.1
 
 ROW_M = 0.0005
 """Travel of a row of a table."""
+
+FIELDS = ("depth_m", "travel_m", "force_x_newton", "force_z_newton")
+"""Of a table: forces on the plate along x and upward."""
 
 ABOVE_M = 0.002
 """Of the lowest edge above the surface at the start."""
@@ -129,16 +133,18 @@ SETS: dict[str, list[Plate]] = {
 
 def soil_of(plate: Plate, radius_m: float, seed: int) -> Document:
     """Keys of a scene's soil."""
+    length, width, depth = (times * plate.length_m for times in BEYOND) if plate.round else BOX_M
+    window: Document = {}  # of a material: as long as its rupture distance
     if plate.soil in SANDS:
         fraction, friction, rolling, bulk = SANDS[plate.soil]
         soil = Sand("dry_sand", radius_m, fraction, friction, rolling).section(seed)
         soil["particles"] |= {"density_kg_per_m3": bulk / fraction}
+        window = {"behind_m": 0.5 * length, "ahead_m": 0.5 * length}
     else:
         soil = {"material": plate.soil, "particles": {"radius_m": radius_m}, "bed": {"seed": seed}}
-    length, width, depth = (times * plate.length_m for times in BEYOND) if plate.round else BOX_M
     return soil | {
         "bin": {"length_m": length + DRAG_M, "width_m": width, "depth_m": depth, "sides": "held"},
-        "window": {"behind_m": 0.5 * length, "ahead_m": 0.5 * length},
+        "window": window,
     }
 
 
@@ -155,10 +161,12 @@ def _lowest_m(plate: Plate) -> float:
     return -float(plate.mesh().bounds[0][2])
 
 
-def push(plate: Plate, radius_m: float, seed: int, speed_m_per_s: float) -> str:
-    """Runs a plate and writes its table: depth and travel [m], force on the plate along x and upward [N]."""
+def pushed(
+    plate: Plate, radius_m: float, seed: int, speed_m_per_s: float = SPEED_M_PER_S
+) -> tuple[NDArray[Any], int]:
+    """Table of a plate's way with fields FIELDS, and the number of particles."""
     soil = soil_of(plate, radius_m, seed)
-    x, z = soil["window"]["behind_m"], _lowest_m(plate) + ABOVE_M
+    x, z = 0.5 * (soil["bin"]["length_m"] - DRAG_M), _lowest_m(plate) + ABOVE_M
 
     def at(along: float, up: float) -> tuple[ToolMotion, ...]:
         return (ToolMotion("plate", x, 0.0, z, 0.0, speed_m_per_s * along, speed_m_per_s * up, 0.0),)
@@ -185,20 +193,39 @@ def push(plate: Plate, radius_m: float, seed: int, speed_m_per_s: float) -> str:
                 middle = 0.5 * step * (per_row - 1)
                 rows.append((-z + up * middle, x - begin - along * middle, *np.mean(forces, axis=0)))
                 forces.clear()
+    return np.array(rows, dtype=[(name, float) for name in FIELDS]), engine.particle_count
+
+
+def push(plate: Plate, radius_m: float, seed: int, speed_m_per_s: float) -> str:
+    """Runs a plate and writes its table."""
+    rows, particles = pushed(plate, radius_m, seed, speed_m_per_s)
     path = RESULTS / f"{plate.name(radius_m, seed, speed_m_per_s)}.csv"
     part = path.with_suffix(".part")
     with part.open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file)
-        table.writerow(("depth_m", "travel_m", "force_x_newton", "force_z_newton"))
+        table.writerow(FIELDS)
         table.writerows([f"{value:.5g}" for value in row] for row in rows)
     part.rename(path)
-    return f"{path.stem}: {engine.particle_count} particles, {tick} ticks"
+    return f"{path.stem}: {particles} particles"
 
 
 def record(name: str) -> NDArray[Any] | None:
-    """Table of a run with fields depth_m, travel_m, force_x_newton, force_z_newton; None: was not run."""
+    """Table of a kept run; None: was not run."""
     path = RESULTS / f"{name}.csv"
     return np.genfromtxt(path, delimiter=",", names=True) if path.is_file() else None
+
+
+def pressed_pa(run: NDArray[Any] | None, plate: Plate, depths_m: Iterable[float]) -> NDArray[np.float64]:
+    """Pressure under a plate on its way in, at each depth; NaN where it was not run.
+
+    The mean over 2 mm of sinkage.
+    """
+    wanted = np.fromiter(depths_m, float)
+    if run is None:
+        return np.full(len(wanted), math.nan)
+    last = int(np.argmax(run["depth_m"])) + 1
+    depth, force = run["depth_m"][:last], run["force_z_newton"][:last]
+    return np.array([force[np.abs(depth - at) <= 0.001].mean() for at in wanted]) / plate.area_m2
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

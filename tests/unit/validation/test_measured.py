@@ -12,27 +12,43 @@ import pytest
 from subsoil_ros.errors import InputError
 from subsoil_ros.loading.files import config_folder
 from subsoil_ros.loading.material_file import read_material
-from validation.measured import blade_points, page, plate_points, plates
-from validation.measured import blade_runs as measured
+from validation.blades import Soil
+from validation.measured import blade_points, blade_table, page, plate_points, plate_table, plates
+from validation.measured import runs as measured
+from validation.measured.bearing import meyerhof_pa, vesic_pa
+from validation.measured.blade_table import BLADES
+from validation.measured.plate_table import PLATES
+from validation.measured.table import kind_of
 from validation.narrow_blade import Pull
 
 TEMPLATE = Path(measured.__file__).with_name("template.csv")
+PLATE_TEMPLATE = TEMPLATE.with_name("template_plates.csv")
 ROW = ["made up", "soil", 9e3, 31.0, 1450.0, 22.0, 45.0, 0.05, 0.15, 0.5, 700.0, "", ""]
+PLATE_ROW = ["made up", "soil", 0.0, 31.0, 1450.0, 22.0, 0.1, 0.02, 4e4, ""]
 
 
 def table(path: Path, *rows: list[object]) -> Path:
     """The template with rows."""
     with path.open("w", newline="") as file:
-        file.write(TEMPLATE.read_text())
+        file.write((PLATE_TEMPLATE if len(rows[0]) == len(PLATE_ROW) else TEMPLATE).read_text())
         csv.writer(file).writerows(rows)
     return path
 
 
-def test_template_has_the_columns(tmp_path):
+@pytest.mark.parametrize(("path", "kind"), [(TEMPLATE, BLADES), (PLATE_TEMPLATE, PLATES)])
+def test_template_has_the_columns(path, kind):
     """And is refused while it is empty."""
-    assert TEMPLATE.read_text().strip() == ",".join(measured.COLUMNS)
+    assert kind_of(path, (BLADES, PLATES)) is kind
     with pytest.raises(InputError, match="has no row"):
-        measured.read_table(TEMPLATE)
+        kind.read(path)
+
+
+def test_a_table_with_other_columns(capsys):
+    """The columns of both kinds are named."""
+    assert measured.main([str(TEMPLATE.with_name("li2013.csv")), "--out", "none"]) == 2
+    assert re.search(
+        r"columns are medium.*needed are source, .*, or source, .*pressure_pa", capsys.readouterr().err
+    )
 
 
 def test_a_cell_that_is_no_number(tmp_path, capsys):
@@ -75,7 +91,7 @@ def test_a_row_is_simulated_in_its_calibrated_soil(tmp_path, monkeypatch, capsys
 
     monkeypatch.setattr(measured, "calibrate", calibrate)
     pull = Pull((650.0, 40.0), (120.0, 30.0), 0.3, 1.0, 1000, (0.3, 0.3, 0.3))
-    monkeypatch.setattr(measured, "pulled", lambda *rest, **way: pull)
+    monkeypatch.setattr(blade_table, "pulled", lambda *rest, **way: pull)
     monkeypatch.setattr(measured, "ProcessPoolExecutor", lambda *rest: ThreadPoolExecutor(1))
     path = table(tmp_path / "t.csv", ROW, [*ROW[:8], 0.2, *ROW[9:]])
     assert measured.main([str(path), "--out", str(tmp_path / "out")]) == 0
@@ -83,19 +99,57 @@ def test_a_row_is_simulated_in_its_calibrated_soil(tmp_path, monkeypatch, capsys
     with (tmp_path / "out" / "results.csv").open(newline="") as file:
         found = list(csv.DictReader(file))
     assert [row["simulated_newton"] for row in found] == ["650.0", "650.0"]
-    assert float(found[0]["perumpral_newton"]) > float(found[1]["perumpral_newton"]) > 100.0  # deepest first
-    assert "| 10 | 700 | 650 +- 40 |" in capsys.readouterr().out
-    monkeypatch.setattr(measured, "pulled", None)  # kept rows are not drawn again
+    assert float(found[1]["perumpral_newton"]) > float(found[0]["perumpral_newton"]) > 100.0
+    assert "| 0.01 | 700 | 650 | 40 |" in capsys.readouterr().out
+    monkeypatch.setattr(blade_table, "pulled", None)  # kept rows are not drawn again
     assert measured.main([str(path), "--out", str(tmp_path / "out")]) == 0
-    assert capsys.readouterr().out.count("650 +- 40") == 2
+    assert capsys.readouterr().out.count("| 650 | 40 |") == 2
     other = table(tmp_path / "o.csv", [*ROW[:2], 5e3, *ROW[3:]])
     assert measured.main([str(other), "--out", str(tmp_path / "out")]) == 2
     assert "is of other laboratory values" in capsys.readouterr().err
+    plate = table(tmp_path / "p.csv", PLATE_ROW)
+    assert measured.main([str(plate), "--out", str(tmp_path / "out")]) == 2
+    assert "is of another kind of table" in capsys.readouterr().err
+
+
+def test_rows_of_a_plate_are_one_push(tmp_path, monkeypatch):
+    """To its deepest sinkage; the mean pressure about each."""
+    asked = []
+
+    def pushed(plate, radius_m, seed):
+        asked.append((plate.depth_m, radius_m, seed))
+        depth = np.arange(0.0, plate.depth_m, 0.0005)
+        run = np.zeros(len(depth), [(name, float) for name in plates.FIELDS])
+        run["depth_m"], run["force_z_newton"] = depth, 1e6 * depth * plate.area_m2
+        return run, 1000
+
+    monkeypatch.setattr(plate_table, "pushed", pushed)
+    path = table(tmp_path / "t.csv", PLATE_ROW, [*PLATE_ROW[:7], 0.03, 6e4, ""])
+    loam = config_folder() / "materials" / "loam.yaml"
+    found = PLATES.simulate(PLATES.read(path), loam, 0.01, 2, None)
+    assert asked == [(pytest.approx(0.032), 0.01, 2)]
+    assert [row["simulated_pa"] for row in found] == pytest.approx([2e4, 3e4], rel=0.02)
+    assert found[1]["vesic_pa"] > found[0]["vesic_pa"] > 1e5  # the cohesion of loam
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({8: 40.0}, r"pressure_pa: given 40; theory .Vesic. says .* Pa .*: are both in Pa and Pa"),
+        ({7: 20.0}, "sinkage_m: given 20; allowed is 0.001 to two diameters"),
+        ({4: ""}, "bulk_density_kg_per_m3: given ''; it must be a number"),
+    ],
+)
+def test_a_plate_that_cannot_be(tmp_path, change, words):
+    """Another unit, a missing density."""
+    path = table(tmp_path / "t.csv", [change.get(place, cell) for place, cell in enumerate(PLATE_ROW)])
+    with pytest.raises(InputError, match=words):
+        PLATES.read(path)
 
 
 def test_shipped_sets_can_be_read():
     """Each set has its two readings of the soil, and the same measured drafts under both."""
-    rows = measured.read_table(TEMPLATE.with_name("obermayr2013.csv"))
+    rows = BLADES.read(TEMPLATE.with_name("obermayr2013.csv"))
     readings = [
         [row["draft_newton"] for row in rows if row["cohesion_pa"] == cohesion] for cohesion in (1e3, 0)
     ]
@@ -104,9 +158,11 @@ def test_shipped_sets_can_be_read():
 
 
 def test_a_cohesion_that_the_draft_contradicts(tmp_path, capsys):
-    """A warning with both forces."""
-    measured.read_table(table(tmp_path / "t.csv", [*ROW[:2], 40e3, *ROW[3:10], 700.0, "", ""]))
+    """A warning with both forces, or pressures."""
+    BLADES.read(table(tmp_path / "t.csv", [*ROW[:2], 40e3, *ROW[3:10], 700.0, "", ""]))
     assert re.search(r"line 2: cohesion_pa: 40000 makes .* measured are 700 N", capsys.readouterr().err)
+    PLATES.read(table(tmp_path / "t.csv", [*PLATE_ROW[:2], 1.5e3, *PLATE_ROW[3:]]))
+    assert re.search(r"line 2: cohesion_pa: 1500 makes .* measured are 40000 Pa", capsys.readouterr().err)
 
 
 def test_every_set_can_be_read():
@@ -122,7 +178,7 @@ def test_every_set_can_be_read():
 
 def test_the_report_follows_the_rules(monkeypatch):
     """Geometric mean of both readings over the measured; the factor of the grain from three radii."""
-    row = dict.fromkeys(measured.COLUMNS, "1") | {
+    row = dict.fromkeys(BLADES.header, "1") | {
         "width_m": "0.2", "depth_m": "0.15", "rake_deg": "90", "friction_angle_deg": "35",
         "draft_newton": "100", "bulk_density_kg_per_m3": "1440", "metal_friction_angle_deg": "16",
     }  # fmt: skip
@@ -154,13 +210,16 @@ def test_a_plate_that_rises_along_its_way():
 
 
 def test_bearing_capacity():
-    """Tabulated factors at 30 degrees: N_q 18.40; N_gamma 22.40 (Vesic), 15.67 (Meyerhof)."""
+    """Tabulated factors at 30 degrees: N_q 18.40; N_c 30.14; N_gamma 22.40 (Vesic), 15.67 (Meyerhof)."""
     phi, weight = math.radians(30.0), 1000.0 * 9.81
-    strip, deep = (plate_points.vesic_pa(phi, 1000.0, depth, 2.0, 0.0) / weight for depth in (0.0, 1.0))
+    soil, firm = Soil(0.0, phi, 1000.0), Soil(weight, phi, 1000.0)
+    strip, deep = (vesic_pa(soil, depth, 2.0, 0.0) / weight for depth in (0.0, 1.0))
     assert (strip, deep - strip) == (pytest.approx(22.40, abs=0.01), pytest.approx(18.40, abs=0.01))
-    round_one = plate_points.vesic_pa(phi, 1000.0, 0.0, 2.0, 1.0) / weight
-    assert round_one == pytest.approx(0.6 * strip)
-    assert plate_points.meyerhof_pa(phi, 1000.0, 0.0, 2.0, 0.0) / weight == pytest.approx(15.67, abs=0.01)
+    assert vesic_pa(soil, 0.0, 2.0, 1.0) / weight == pytest.approx(0.6 * strip)
+    assert meyerhof_pa(soil, 0.0, 2.0, 0.0) / weight == pytest.approx(15.67, abs=0.01)
+    for form in (vesic_pa, meyerhof_pa):
+        cohesion = (form(firm, 0.0, 2.0, 0.0) - form(soil, 0.0, 2.0, 0.0)) / weight
+        assert cohesion == pytest.approx(30.14, abs=0.01)
 
 
 def test_a_kept_run_is_judged(monkeypatch):

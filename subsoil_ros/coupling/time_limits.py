@@ -6,8 +6,11 @@ kills it, and a dead node is named before a tick takes too long.
 
 # A node, between messages
 
-LONGEST_REST_S = 0.05
-"""Longest time that a stop request can wait while the node sleeps."""
+GRANTED_S = 0.2
+"""Time that the ticks granted ahead may take: a pause or a stop takes effect after them."""
+
+BATCH_S = 0.05
+"""Time after which a message is not kept for a batch any longer, at the next tick or poll."""
 
 POLL_S = 0.1
 """Interval of checks that no message triggers: matched endpoints, stop requests, silence."""

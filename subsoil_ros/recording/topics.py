@@ -38,6 +38,12 @@ TOPIC_OF: dict[type, str] = {
 }
 """Relative topic of each record, in the order of a tick."""
 
+
+def batch_topic(kind: type) -> str:
+    """Relative topic of batches of records of `kind`: grants, motions and wrenches."""
+    return f"{TOPIC_OF[kind]}_batch"
+
+
 RECORD_OF: dict[str, type] = {topic: kind for kind, topic in TOPIC_OF.items()}
 
 CLOCK, TRANSFORMS = "/clock", "/tf"

@@ -18,12 +18,20 @@ from ..messages import Head, SoilCloud, SpatialMotion
 _OTHER_TYPES = {SoilCloud: "sensor_msgs/msg/PointCloud2", Head: "subsoil_msgs/msg/TickAck"}
 """Types of records without a message of their name."""
 
-_NAMES = sorted(
-    name
-    for name, item in vars(messages).items()
-    if is_dataclass(item) and item not in (*_OTHER_TYPES, SpatialMotion)
-)
 _OWN = "subsoil_msgs/msg/"
+BATCH = _OWN + "MessageBatch"
+"""Type that carries messages of another one, not a record (message_batches.py)."""
+
+_NAMES = sorted(
+    [
+        BATCH.removeprefix(_OWN),
+        *(
+            name
+            for name, item in vars(messages).items()
+            if is_dataclass(item) and item not in (*_OTHER_TYPES, SpatialMotion)
+        ),
+    ]
+)
 Message = Any
 """A message of rosbags, or its class: made from a definition at run time."""
 

@@ -44,7 +44,7 @@ class Coupling(StrictModel):
         "tick_end",
         description="held through the next tick: that of the soil's last step, or its mean.",
     )
-    grant_window: int = Field(8, ge=1, le=64, description="ticks the coupler grants ahead.")
+    grant_window: int = Field(32, ge=1, le=64, description="ticks the coupler grants ahead.")
     residual_bound: Positive = Field(
         0.02, description="energy residual over the interface work, beyond which the run stops."
     )

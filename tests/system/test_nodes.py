@@ -19,7 +19,7 @@ from subsoil_msgs.msg import ToolMotions as ToolMotionsMessage
 from subsoil_ros.api.run_frame import simulate
 from subsoil_ros.coupling.exit_status import ExitStatus
 from subsoil_ros.coupling.observer import RunObserver
-from subsoil_ros.coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL
+from subsoil_ros.coupling.protocol import BATCHES, COUPLER, MECHANISM, RECORDER, SOIL
 from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.errors import InputError, PhysicsError, RunError
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
@@ -37,6 +37,7 @@ from subsoil_ros.ros.nodes.coupler_node import CouplerNode
 from subsoil_ros.ros.nodes.mechanism_node import MechanismNode
 from subsoil_ros.ros.nodes.recorder_node import RecorderNode
 from subsoil_ros.ros.nodes.soil_node import SoilNode
+from subsoil_ros.ros.process import heartbeat
 from subsoil_ros.ros.transport.qos import LOCKSTEP_QOS
 from subsoil_ros.ros.transport.ros_domain import run_domain
 from subsoil_ros.ticks import INITIAL_TICK
@@ -174,6 +175,17 @@ def test_nodes_record_what_the_direct_run_records(resolved: ResolvedScene, tmp_p
     start = [topic for topic, time_ns, _ in messages(tmp_path / "nodes") if time_ns == 0]
     for name in ("tool_motions", "tool_wrenches", "mechanism_state", "soil_state", "coupling_report"):
         assert start.count(f"/subsoil/{name}") == 1
+
+
+def test_nodes_that_know_no_batches(
+    resolved: ResolvedScene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every message goes by itself; the same record."""
+    without = {node: tuple(set(can) - {BATCHES}) for node, can in heartbeat.CAPABILITIES.items()}
+    monkeypatch.setattr(heartbeat, "CAPABILITIES", without)
+    assert run_nodes(resolved, tmp_path / "nodes", SpringSoil) == ExitStatus()
+    run_without_ros(resolved, tmp_path / "direct", SpringSoil())
+    assert contents(tmp_path / "nodes") == contents(tmp_path / "direct")
 
 
 def test_clouds_are_thinned_alike(tmp_path: Path) -> None:

@@ -15,11 +15,12 @@ from tests.system.conftest import LIMIT_S, Run
 
 SCENES = Path(__file__).parents[2] / "config" / "scenes"
 STEPS = {f"/simulate_steps/_action/{part}" for part in ("status", "feedback")}
-ALWAYS = {"/node_status", "/grant", "/tool_motions", "/coupling_report", "/clock", "/diagnostics", *STEPS}
+ALWAYS = {"/node_status", "/coupling_report", "/clock", "/diagnostics", *STEPS}
+ALWAYS |= {"/grant", "/grant_batch", "/tool_motions", "/tool_motions_batch"}
 OF_ROS = {"/rosout", "/parameter_events"}
 RECORDER = {"/tick_ack"}
 MECHANISM = {"/mechanism_state", "/robot_description"}
-SOIL = {"/tool_wrenches", "/soil_state"}
+SOIL = {"/tool_wrenches", "/tool_wrenches_batch", "/soil_state"}
 TINE = {"/tool/tine/pose", "/tool/tine/wrench", "/tool_markers", "/robot_description"}
 MACHINE = {"/tool/shank/pose", "/tool/shank/wrench", "/tool_markers"}
 WHEELS = {f"/tool/wheel_{side}/{what}" for side in ("left", "right") for what in ("pose", "wrench")}

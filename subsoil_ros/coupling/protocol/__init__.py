@@ -11,6 +11,7 @@ from .coupler import Coupler, FinishedTick
 from .handshake import (
     ACK_EVERY_TICKS,
     ACK_LAG_TICKS,
+    BATCHES,
     CAPABILITIES,
     CONTROLLER,
     COUPLER,
@@ -27,6 +28,7 @@ from .record_barrier import RecordBarrier
 __all__ = [
     "ACK_EVERY_TICKS",
     "ACK_LAG_TICKS",
+    "BATCHES",
     "CAPABILITIES",
     "CONTROLLER",
     "COUPLER",

@@ -195,13 +195,17 @@ class Coupler:
             self.initial_wrenches = node_status.initial_wrenches
         self._waiting.discard(node_status.node)
 
-    def next_grants(self) -> tuple[Grant, ...]:
-        """The grants that can be given now, each once; none before all are ready."""
+    def next_grants(self, ahead: int | None = None) -> tuple[Grant, ...]:
+        """The grants that can be given now, each once; none before all are ready.
+
+        ahead: ticks to grant beyond the last finished one, at most the grant window, the default.
+        """
         if not self.ready or self.abort_grant or self._holding:
             return ()
         first = self._granted + 1
-        free = min(self.done_tick + self._window, self.acknowledged_tick + ACK_LAG_TICKS, self.last_tick)
-        self._granted = self._pacing.limit(self._checks.limit(free))
+        window = self._window if ahead is None else min(ahead, self._window)
+        free = min(self.done_tick + window, self.acknowledged_tick + ACK_LAG_TICKS, self.last_tick)
+        self._granted = self._pacing.limit(self._checks.limit(max(free, self._granted)))
         return tuple(
             Grant(self._own.run_id, tick, Command.END if tick == self.last_tick else Command.RUN)
             for tick in range(first, self._granted + 1)

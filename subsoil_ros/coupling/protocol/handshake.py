@@ -54,6 +54,9 @@ DRIVER_COMMAND = "driver_command"
 EARLY_END = "early_end"
 """Capability: accepts END before the last tick of the scene."""
 
+BATCHES = "batches"
+"""Capability: passes on, and takes, messages of several ticks together, where no engine waits for them."""
+
 CONTACT_LAW = "contact_law"
 """Capability: a contact law of another package, "contact_law KIND DIGEST" with the digest of its sources."""
 
@@ -67,9 +70,11 @@ def _installed_law(kind: str) -> str | None:
 _LAWS = tuple(filter(None, map(_installed_law, contact_laws())))
 
 CAPABILITIES: Mapping[str, tuple[str, ...]] = {
-    MECHANISM: (DRIVER_COMMAND, EARLY_END),
-    SOIL: (TICK_MEAN, EARLY_END, *_LAWS),
-    RECORDER: (DRIVER_COMMAND, EARLY_END),
+    MECHANISM: (DRIVER_COMMAND, EARLY_END, BATCHES),
+    SOIL: (TICK_MEAN, EARLY_END, BATCHES, *_LAWS),
+    RECORDER: (DRIVER_COMMAND, EARLY_END, BATCHES),
+    CONTROLLER: (BATCHES,),
+    COUPLER: (BATCHES,),
 }
 """Capabilities of the nodes of this package."""
 

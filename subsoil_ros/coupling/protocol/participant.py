@@ -258,6 +258,11 @@ class Participant:
         self.done_tick = tick
 
     @property
+    def waits_for_grant(self) -> bool:
+        """Whether every tick granted so far is done."""
+        return self.done_tick + 1 >= self._grants.next_tick
+
+    @property
     def finished(self) -> bool:
         """Whether the last tick is done."""
         return self.done_tick == self.last_tick

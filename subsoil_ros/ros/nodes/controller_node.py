@@ -26,7 +26,7 @@ class ControllerNode(LockstepNode):
         self._commander = Commander(run.run_id, run.schedule)
         self._commands = self.publisher(DriverCommand, (MECHANISM, COUPLER, RECORDER))
         self.listen(MechanismState, self._on_state, (MECHANISM,))
-        self.listen(Grant, self._on_grant, (COUPLER,))
+        self.listen_ticks(Grant, self._on_grants, COUPLER)
         self.listen(NodeStatus, self.follow_coupler_end, ())
 
     def on_poll(self) -> None:
@@ -34,8 +34,9 @@ class ControllerNode(LockstepNode):
         if self.heartbeat.state is NodeState.STARTING and self.matched:
             self.say_ready()
 
-    def _on_grant(self, grant: Grant) -> None:
-        self._commander.accept_grant(grant)
+    def _on_grants(self, grants: list[Grant]) -> None:
+        for grant in grants:
+            self._commander.accept_grant(grant)
         if self._commander.abort is not None:
             self.finish_aborted(self._commander.abort)
 

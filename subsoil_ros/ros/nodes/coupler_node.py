@@ -2,6 +2,7 @@
 
 import statistics
 import time
+from collections import deque
 from functools import partial
 
 from rclpy.context import Context
@@ -24,7 +25,7 @@ from ...coupling.protocol import (
 )
 from ...coupling.run_settings import RunSettings
 from ...coupling.tick_rules import TickRules
-from ...coupling.time_limits import DEADLINE_S, END_WORD_S, KEEP_S, PROGRESS_S, STARTUP_S
+from ...coupling.time_limits import CUT_S, DEADLINE_S, END_WORD_S, GRANTED_S, KEEP_S, PROGRESS_S, STARTUP_S
 from ...errors import RunError
 from ...messages import (
     CouplingReport,
@@ -55,9 +56,11 @@ DEADLINE_MEDIANS = 50.0
 NEAR = 0.5
 """Part of a bound at which diagnostics warn: early enough to act before the run ends or waits at it."""
 
-REST_S = 0.001
-REST_WINDOW = 4
-"""The coupler pauses for the grant window over this number, a quarter of it: no node waits for a grant."""
+FIRST_GRANTS = 8
+"""Ticks granted ahead before the time of a tick is known."""
+
+TICK_TIMES = 101
+"""Number of batches whose tick times are kept, odd, so that the median is one of them."""
 
 
 class _RunClock:
@@ -112,23 +115,26 @@ class CouplerNode(LockstepNode):
         self._checkpoint_writer = run.checkpoint_writer()
         self._keep_said = False
         self._keep_deadline: float | None = None  # of the checkpoint before a requested end
-        self.rest_s = REST_S if scene.coupling.grant_window >= REST_WINDOW else 0.0
+        self._fault: NodeStatus | None = None  # of an engine, until all that it had finished is known
+        self._fault_deadline = 0.0
         self._rules: TickRules | None = None  # from the initial exchange
         self._progress_tick = INITIAL_TICK
         self._last_advance = self._progress_s = time.monotonic()
+        self._counted = self._progress_tick, self._last_advance  # up to here ticks are timed
+        self._tick_times_s: deque[float] = deque(maxlen=TICK_TIMES)  # means of the ticks that came together
         self._wall = _RunClock()
-        self._grants = self.publisher(Grant, names)
+        self._grants = self.tick_publisher(Grant, (), names)
         self._reports = self.publisher(CouplingReport, (RECORDER,))
         self._clock_publisher = self.create_publisher(
             rclpy_class("rosgraph_msgs/msg/Clock"), CLOCK, VISUALIZATION_QOS
         )
         motion_source = MECHANISM if scene.moved_by_participant else SOIL
-        self.listen(ToolMotions, self._on_motions, (motion_source,))
+        self.listen_ticks(ToolMotions, self._on_motions, motion_source)
         if scene.soil is not None:
-            self.listen(ToolWrenches, self._on_wrenches, (SOIL,))
+            self.listen_ticks(ToolWrenches, self._on_wrenches, SOIL)
         if RECORDER in names:
             self.listen(TickAck, self._on_ack, (RECORDER,))
-        self.listen(NodeStatus, self._coupler.accept_node_status, names)
+        self.listen(NodeStatus, self._on_node_status, names)
         if scene.controller is not None:
             self.listen(DriverCommand, self._on_command, (CONTROLLER,))
         self._control = RunControl(self._coupler, self._on_pacing, heartbeat.request_stop)
@@ -145,6 +151,7 @@ class CouplerNode(LockstepNode):
         """
         self._steps.poll()
         now = time.monotonic()
+        self._refuse_fault(now)
         if self._rules is None:
             if self._coupler.ready and self.matched:
                 self._begin(now)
@@ -154,7 +161,7 @@ class CouplerNode(LockstepNode):
             self._log_progress(now)
         if self._coupler.standing:
             self._last_advance = now  # no deadline while the run is paused
-            self.discount_wait()
+            self._counted = self._coupler.done_tick, now
         allowed_s = self._allowed_s()
         if now - self._last_advance > allowed_s:
             raise RunError(f"no {self._coupler.missing()} within {allowed_s:.0f} s")
@@ -187,7 +194,7 @@ class CouplerNode(LockstepNode):
             "interface_residual_ratio": account.work.residual_ratio,
             "residual_bound": coupling.residual_bound,
             "interface_work_joule": account.work.absolute_work_joule,
-            "tick_time_median_s": statistics.median(self.tick_times_s) if self.tick_times_s else 0.0,
+            "tick_time_median_s": self._tick_s(),
             "recorder_lag_ticks": lag,
         }
         if account.nears_bound(NEAR):
@@ -226,7 +233,7 @@ class CouplerNode(LockstepNode):
             return False
         if not self._keep_said:
             self._keep_said = True
-            self._grants.publish(self.bytes_of(grant))
+            self._publish_grants(grant)
         if self._coupler.acknowledged_tick < grant.tick or not checkpoint_writer.all_kept(grant.tick):
             return False
         checkpoint_writer.commit(rules.state)
@@ -234,7 +241,7 @@ class CouplerNode(LockstepNode):
 
     def on_fault(self, error: BaseException) -> None:
         """Publish to all nodes the tick at which the record is cut, and the reason."""
-        self._grants.publish(self.bytes_of(self._coupler.abort(one_line(error))))
+        self._publish_grants(self._coupler.abort(one_line(error)))
         self._control.refuse_waiting(f"the run has ended: {one_line(error)}")
 
     @property
@@ -245,8 +252,7 @@ class CouplerNode(LockstepNode):
     def _allowed_s(self) -> float:
         if self._coupler.done_tick < self._first_tick:
             return STARTUP_S
-        usual_s = statistics.median(self.tick_times_s) if self.tick_times_s else 0.0
-        return max(DEADLINE_S, DEADLINE_MEDIANS * usual_s)
+        return max(DEADLINE_S, DEADLINE_MEDIANS * self._tick_s())
 
     def _begin(self, now: float) -> None:
         coupler = self._coupler
@@ -283,15 +289,13 @@ class CouplerNode(LockstepNode):
     def _on_pacing(self) -> None:
         """Handle a request for a pause, its end, or steps."""
         self._last_advance = time.monotonic()
-        self.discount_wait()
+        self._counted = self._coupler.done_tick, self._last_advance
         if self._rules is not None:
             self._say_pacing()
             self._wall.stand(self._coupler.standing)
         self._grant()
 
     def _say_pacing(self) -> None:
-        window = self.run.resolved.scene.coupling.grant_window
-        self.rest_ticks = 0 if self._coupler.paused else window // REST_WINDOW  # the caller of steps waits
         state = NodeState.PAUSED if self._coupler.paused else NodeState.RUNNING
         if self.heartbeat.state is not state:
             self.heartbeat.say(state)
@@ -302,15 +306,39 @@ class CouplerNode(LockstepNode):
     def _grant(self) -> None:
         if self._rules is None:
             return
-        for grant in self._coupler.next_grants():
-            self._grants.publish(self.bytes_of(grant))
+        ahead = int(GRANTED_S / self._tick_s()) if self._tick_times_s else FIRST_GRANTS
+        self._publish_grants(*self._coupler.next_grants(max(1, ahead)))
 
-    def _on_motions(self, motions: ToolMotions) -> None:
-        self._coupler.accept_motions(motions)
+    def _tick_s(self) -> float:
+        """Median time of a tick; 0 before the first."""
+        return statistics.median(self._tick_times_s) if self._tick_times_s else 0.0
+
+    def _publish_grants(self, *grants: Grant) -> None:
+        for grant in grants:
+            self._grants.publish(self.bytes_of(grant))
+        self.flush()
+
+    def _on_node_status(self, node_status: NodeStatus) -> None:
+        if node_status.state is NodeState.FAULT and node_status.node in (MECHANISM, SOIL):
+            self._fault, self._fault_deadline = node_status, time.monotonic() + CUT_S
+            self._refuse_fault(time.monotonic())
+        else:
+            self._coupler.accept_node_status(node_status)
+
+    def _refuse_fault(self, now: float) -> None:
+        """Raise the fault of an engine, once the batches with all ticks that it had finished are here."""
+        fault = self._fault
+        if fault is not None and (self._coupler.done_tick >= fault.tick or now > self._fault_deadline):
+            self._coupler.accept_node_status(fault)
+
+    def _on_motions(self, ticks: list[ToolMotions]) -> None:
+        for motions in ticks:
+            self._coupler.accept_motions(motions)
         self._follow()
 
-    def _on_wrenches(self, wrenches: ToolWrenches) -> None:
-        self._coupler.accept_wrenches(wrenches)
+    def _on_wrenches(self, ticks: list[ToolWrenches]) -> None:
+        for wrenches in ticks:
+            self._coupler.accept_wrenches(wrenches)
         self._follow()
 
     def _on_command(self, command: DriverCommand) -> None:
@@ -327,8 +355,13 @@ class CouplerNode(LockstepNode):
             self._end()
 
     def _follow(self) -> None:
+        before, since = self._counted
         while (finished := self._coupler.take_finished()) is not None:
             self._apply_rules(finished)
+        if self._coupler.done_tick > before:
+            self._counted = self._coupler.done_tick, self._last_advance
+            self._tick_times_s.append((self._last_advance - since) / (self._coupler.done_tick - before))
+        self._refuse_fault(time.monotonic())
         if self._control.waiting:
             self._control.note_done()
         self._wall.stand(self._coupler.standing)
@@ -343,7 +376,8 @@ class CouplerNode(LockstepNode):
         report = rules.add(tick, finished.motions, finished.wrenches, self._wall.elapsed_s)
         if report is not None:
             self._reports.publish(self.bytes_of(report))
-        self._clock_publisher.publish(serialize(clock(tick_end_ns(tick, self._communication_step_ns))))
+        if self._clock_publisher.get_subscription_count():
+            self._clock_publisher.publish(serialize(clock(tick_end_ns(tick, self._communication_step_ns))))
         self.heartbeat.tick = tick
         rules.check()
         self._decide(rules)

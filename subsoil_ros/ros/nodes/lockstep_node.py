@@ -2,35 +2,56 @@
 
 import threading
 import time
-from collections import deque
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
 
 from ...coupling.exit_status import ExitStatus
 from ...coupling.protocol import COUPLER, RECORDER
 from ...coupling.run_settings import RunSettings
-from ...coupling.time_limits import LAST_WORD_S, LONGEST_REST_S, POLL_S, WAITING_S
+from ...coupling.time_limits import LAST_WORD_S, POLL_S, WAITING_S
 from ...errors import ProtocolError, RunError
 from ...messages import Grant, NodeState, NodeStatus, RunRecord, ToolMotion, ToolWrench
+from ...recording.message_batches import unpacked
 from ...recording.message_codec import reader, writer
-from ...recording.topics import TOPIC_OF
+from ...recording.topics import TOPIC_OF, batch_topic
+from ...recording.types import BATCH
 from ..process.heartbeat import Heartbeat
 from ..process.node_process import OWN_TIME, log_end, one_line, say_trace
 from ..transport.private_rclpy import serve, serve_requests
 from ..transport.publishers import unknown_publishers
-from ..transport.qos import class_of, qos_of
+from ..transport.qos import LOCKSTEP_QOS, class_of, qos_of, rclpy_class
+from ..transport.tick_publisher import TickPublisher
 from .diagnostics import Diagnostics, Health, Level
 
-_MEASURED, _RECENT = 101, 4
-"""Number of wake-ups whose tick times are kept, odd, so that the median is one of them; and number of the
-last ones whose least sets the pause: one alone may include a wait, more follow a change of speed later."""
+
+class _Endpoint(NamedTuple):
+    """A publisher or subscription, and the names of the nodes at its other end."""
+
+    endpoint: Publisher | Subscription
+    names: Callable[[], tuple[str, ...]]
+
+
+class _Source(NamedTuple):
+    """A node whose messages of every tick are listened to; single or in batches, as it publishes them."""
+
+    kind: type
+    handle: Callable[[Sequence[bytes]], None]
+    node: str
+
+    def take_single(self, cdr: bytes) -> None:
+        """Handle a message."""
+        self.handle((cdr,))
+
+    def take_batch(self, batch: bytes) -> None:
+        """Handle the messages of a batch."""
+        self.handle(tuple(unpacked(batch)))
 
 
 class LockstepNode(Node):
@@ -39,11 +60,6 @@ class LockstepNode(Node):
     Everything runs in the one thread that calls `spin`. An error in a callback is the node's fault: the node
     publishes it in a NodeStatus, and ends with the error's exit status.
     """
-
-    rest_s = 0.0
-    rest_ticks = 0
-    """Pause after every wake-up, the longer of both, of nodes that no other waits for. Each wake-up has cold
-    caches and interrupts a computing thread; messages that share one cost two thirds less."""
 
     def __init__(
         self, name: str, run: RunSettings, heartbeat: Heartbeat, context: Context | None = None
@@ -59,19 +75,20 @@ class LockstepNode(Node):
         self.ended = threading.Event()
         self.status = ExitStatus()
         self._first_tick = run.schedule.first_tick
+        self._batch_ticks = max(1, run.resolved.scene.coupling.grant_window // 2)  # engines do the other half
         self._communication_step_ns = run.resolved.timing.communication_step_ns
         self._writers: dict[type, Callable[[Any], bytes]] = {}
-        self._partners: list[tuple[Publisher | Subscription, tuple[str, ...]]] = []
+        self._partners: list[_Endpoint] = []
+        self._tick_publishers: list[TickPublisher] = []
+        self._sources: list[_Source] = []  # not heard of yet
+        self._guarded_topics: dict[str, tuple[str, ...]] = {}  # not listened to: who may publish on them
         self._diagnostics = Diagnostics(self, run.run_id, self._communication_step_ns)
         self._waited_for = ""  # logged last
         self._next_waiting = time.monotonic() + WAITING_S
-        self._woken = self._first_tick, time.monotonic()  # the last tick at the last wake-up, and when
-        self.tick_times_s: deque[float] = deque(maxlen=_MEASURED)
-        """Mean times of a tick between two wake-ups, of the last _MEASURED wake-ups."""
 
     def spin(self) -> None:
         """Serve the node until it ends."""
-        serve(self, self._guarded(self._poll), POLL_S, self.ended.is_set, self._pause_s)
+        serve(self, self._guarded(self._poll), POLL_S, self.ended.is_set)
 
     def serve_ended(self, over: Callable[[], bool]) -> None:
         """Answer requests that come after the end of the run, until `over`, without endpoints of the run."""
@@ -82,39 +99,48 @@ class LockstepNode(Node):
                 self.destroy_subscription(endpoint)
         serve_requests(self, self.on_ended, POLL_S, over)
 
-    def discount_wait(self) -> None:
-        """Exclude the time up to now from the tick times: no tick was granted."""
-        self._woken = self.heartbeat.tick, time.monotonic()
-
-    def _pause_s(self) -> float:
-        tick, (last_tick, last) = self.heartbeat.tick, self._woken
-        if tick > last_tick:
-            self.tick_times_s.append((time.monotonic() - last) / (tick - last_tick))
-            self.discount_wait()
-        # the least of some, as one may include a wait for a participant that runs in real time
-        tick_s = min(list(self.tick_times_s)[-_RECENT:], default=0.0)
-        return min(max(self.rest_s, self.rest_ticks * tick_s), LONGEST_REST_S)
-
     def listen(self, kind: type, handle: Callable[[Any], None], partners: tuple[str, ...]) -> None:
         """Subscribe to records of `kind` from the `partners`, and pass them to `handle`."""
 
         read = reader(kind)
         self.listen_raw(kind, lambda cdr: handle(read(cdr)), partners)
 
+    def listen_ticks(self, kind: type, handle: Callable[[list[Any]], None], node: str) -> None:
+        """Subscribe to records of `kind`, one a tick, from a node, and pass those that come together to
+        `handle`."""
+
+        read = reader(kind)
+        self.listen_ticks_raw(kind, lambda messages: handle([read(cdr) for cdr in messages]), node)
+
+    def listen_ticks_raw(self, kind: type, handle: Callable[[Sequence[bytes]], None], node: str) -> None:
+        """The same with the CDR bytes of the messages."""
+        self._sources.append(_Source(kind, handle, node))
+
     def listen_raw(self, kind: type, handle: Callable[[bytes], None], partners: tuple[str, ...]) -> None:
         """Subscribe to records of `kind` from the `partners`, and pass their CDR bytes to `handle`.
 
         A message of another publisher, or one after a lost message, is a fault and is not passed on.
         """
-        topic = TOPIC_OF[kind]
+        many = kind is NodeStatus  # every node publishes it
+        self._subscribe(TOPIC_OF[kind], class_of(kind), qos_of(kind), handle, partners, counted=not many)
+
+    def _subscribe(
+        self,
+        topic: str,
+        message_class: Any,
+        qos: QoSProfile,
+        handle: Callable[[bytes], None],
+        partners: tuple[str, ...],
+        *,
+        counted: bool = True,
+    ) -> None:
         due = 1
 
         def received(cdr: bytes, info: Any) -> None:
             nonlocal due
             number = info["publication_sequence_number"]  # of the publisher, from 1; None: not known
-            many = kind is NodeStatus  # every node publishes it
             try:
-                if not many and number is not None and number != due:
+                if counted and number is not None and number != due:
                     raise ProtocolError(
                         f"{topic}: message number {number} of its publisher came where number {due} is due; "
                         "one was lost, or another node publishes: give every run a ROS_DOMAIN_ID of its own"
@@ -122,20 +148,69 @@ class LockstepNode(Node):
                 due += 1
                 handle(cdr)
             except ProtocolError:
-                self._refuse_unknown_publishers(subscription, partners)  # raises an error that names them
+                self._refuse_unknown_publishers(
+                    subscription.topic_name, partners
+                )  # raises one that names them
                 raise
 
-        subscription = self.create_subscription(
-            class_of(kind), topic, self._guarded(received), qos_of(kind), raw=True
-        )
-        self._partners.append((subscription, partners))
+        subscription = self.create_subscription(message_class, topic, self._guarded(received), qos, raw=True)
+        self._partners.append(_Endpoint(subscription, lambda: partners))
+
+    def _subscribe_to_known(self) -> None:
+        """Subscribe to the sources that have been heard of since, as they publish."""
+        for source in self._sources[:]:
+            kind, node = source.kind, source.node
+            batches = self.heartbeat.takes_batches(node)
+            if batches is None:
+                continue
+            self._sources.remove(source)
+            if batches:
+                self._guarded_topics[self.resolve_topic_name(TOPIC_OF[kind])] = (node,)
+                self._subscribe(
+                    batch_topic(kind),
+                    rclpy_class(BATCH),
+                    LOCKSTEP_QOS,
+                    source.take_batch,
+                    (node,),
+                )
+            else:
+                self.listen_raw(kind, source.take_single, (node,))
 
     def publisher(self, kind: type, partners: tuple[str, ...]) -> Publisher:
         """Create a publisher of records of `kind`; tick 0 waits until the `partners` have subscribed."""
+        partners = self._of_run(partners)
+        return self._publisher(kind, lambda: partners)
+
+    def tick_publisher(self, kind: type, at_once: tuple[str, ...], later: tuple[str, ...]) -> TickPublisher:
+        """Create a publisher of records of `kind`, one a tick; tick 0 waits until all nodes have subscribed.
+
+        at_once: nodes that take each message. later: nodes that take batches, if they can.
+        """
+        later = self._of_run(later)
+        takes = self.heartbeat.takes_batches
+        singles = self._publisher(
+            kind, lambda: at_once + tuple(name for name in later if takes(name) is False)
+        )
+        batches = self.create_publisher(rclpy_class(BATCH), batch_topic(kind), LOCKSTEP_QOS)
+        self._partners.append(
+            _Endpoint(batches, lambda: tuple(name for name in later if takes(name) is not False))
+        )
+        publisher = TickPublisher(singles, batches, self._batch_ticks)
+        self._tick_publishers.append(publisher)
+        return publisher
+
+    def flush(self) -> None:
+        """Publish the messages that are kept for a batch."""
+        for publisher in self._tick_publishers:
+            publisher.flush()
+
+    def _of_run(self, names: tuple[str, ...]) -> tuple[str, ...]:
+        """Those of the names that take part in the run: it may have no recorder."""
+        return tuple(name for name in names if name != RECORDER or RECORDER in self.run.participants)
+
+    def _publisher(self, kind: type, names: Callable[[], tuple[str, ...]]) -> Publisher:
         publisher = self.create_publisher(class_of(kind), TOPIC_OF[kind], qos_of(kind))
-        if RECORDER not in self.run.participants:
-            partners = tuple(name for name in partners if name != RECORDER)
-        self._partners.append((publisher, partners))
+        self._partners.append(_Endpoint(publisher, names))
         self._writers[kind] = writer(kind, self._communication_step_ns)
         return publisher
 
@@ -146,7 +221,7 @@ class LockstepNode(Node):
     @property
     def matched(self) -> bool:
         """Whether every publisher and subscription has found its partners."""
-        return not any(self._missing(endpoint, names) for endpoint, names in self._partners)
+        return not self._sources and not any(self._missing(*partner) for partner in self._partners)
 
     def on_poll(self) -> None:
         """Check states that no message reports; called every POLL_S."""
@@ -156,7 +231,8 @@ class LockstepNode(Node):
 
     def waits_for(self) -> str:
         """Nodes that a starting node waits for, in words; empty: none."""
-        missing = set().union(*(self._missing(endpoint, names) for endpoint, names in self._partners))
+        missing = {source.node for source in self._sources}
+        missing = missing.union(*(self._missing(*partner) for partner in self._partners))
         return f"node {', '.join(sorted(missing))}" if missing else ""
 
     def say_ready(self, motions: tuple[ToolMotion, ...] = (), wrenches: tuple[ToolWrench, ...] = ()) -> None:
@@ -185,6 +261,7 @@ class LockstepNode(Node):
             return
         reason = one_line(error)
         say_trace(error)
+        self.flush()
         self.on_fault(error)
         exit_status = getattr(error, "exit_status", RunError.exit_status)
         self.heartbeat.say(NodeState.FAULT, reason, exit_status=exit_status)
@@ -221,8 +298,11 @@ class LockstepNode(Node):
         ):
             self.finish(0)
 
-    def _missing(self, endpoint: Publisher | Subscription, names: tuple[str, ...]) -> set[str]:
+    def _missing(
+        self, endpoint: Publisher | Subscription, names_of: Callable[[], tuple[str, ...]]
+    ) -> set[str]:
         """Partners that an endpoint has not found yet."""
+        names = names_of()
         if isinstance(endpoint, Subscription):
             return set(names) if endpoint.get_publisher_count() < len(names) else set()
         listeners = self.get_subscriptions_info_by_topic(endpoint.topic_name)
@@ -244,6 +324,8 @@ class LockstepNode(Node):
         if self.heartbeat.lost:
             raise RunError(self.heartbeat.lost)
         self._refuse_other_publishers()
+        self._subscribe_to_known()
+        self.flush()
         self.on_poll()
         if self.heartbeat.state is NodeState.STARTING:
             self._log_waiting()
@@ -262,22 +344,24 @@ class LockstepNode(Node):
 
     def _refuse_other_publishers(self) -> None:
         """Raises ProtocolError if a lockstep topic has more publishers than the run."""
-        for endpoint, names in self._partners:
+        for endpoint, names_of in self._partners:
             if not isinstance(endpoint, Subscription) or endpoint.topic_name.endswith(TOPIC_OF[NodeStatus]):
                 continue  # every node publishes its status
-            if endpoint.get_publisher_count() > len(names):
-                self._refuse_unknown_publishers(endpoint, names)
+            if endpoint.get_publisher_count() > len(names_of()):
+                self._refuse_unknown_publishers(endpoint.topic_name, names_of())
+        for topic, names in self._guarded_topics.items():
+            if self.count_publishers(topic) > len(names):
+                self._refuse_unknown_publishers(topic, names)
 
-    def _refuse_unknown_publishers(self, subscription: Subscription, names: tuple[str, ...]) -> None:
+    def _refuse_unknown_publishers(self, topic: str, names: tuple[str, ...]) -> None:
         """Raises ProtocolError that names the publishers of a topic which are not of the run, if any are."""
-        topic = subscription.topic_name
         if topic.endswith(TOPIC_OF[NodeStatus]):
             run = (*self.run.participants, COUPLER)
             names = tuple(f"{name}_process" for name in run)
             allowed = {*names, *run}  # a controller in another language may be one node
         else:
             allowed = set(names)
-        found = unknown_publishers(self, topic, allowed.__contains__, subscription.get_publisher_count())
+        found = unknown_publishers(self, topic, allowed.__contains__, self.count_publishers(topic))
         if found:
             raise ProtocolError(
                 f"{topic.lstrip('/')}: {found} publishes on it; in a run only {', '.join(names)} may. Give "

@@ -48,8 +48,8 @@ class MechanismNode(LockstepNode):
         self._checkpoint_writer = run.checkpoint_writer()
         self._state: MechanismState | None = None  # the last one published
         self._engine_s = 0.0  # spent in the engine
-        listeners = (SOIL, COUPLER, RECORDER) if self._with_soil else (COUPLER, RECORDER)
-        self._motions = self.publisher(ToolMotions, listeners)
+        at_once = (SOIL,) if self._with_soil else ()
+        self._motions = self.tick_publisher(ToolMotions, at_once, (COUPLER, RECORDER))
         controllers = (CONTROLLER,) if scene.controller is not None else ()
         if self._mechanism is not None:
             self._states = self.publisher(MechanismState, (RECORDER, *controllers))
@@ -61,7 +61,7 @@ class MechanismNode(LockstepNode):
         )
         self.heartbeat.say(NodeState.STARTING, motions=self._initial_motions)
         self.listen(NodeStatus, self._on_node_status, ())
-        self.listen(Grant, self._on_grant, (COUPLER,))
+        self.listen_ticks(Grant, self._on_grants, COUPLER)
         if self._with_soil:
             self.listen(ToolWrenches, self._on_wrenches, (SOIL,))
         if controllers:
@@ -96,7 +96,13 @@ class MechanismNode(LockstepNode):
         else:
             self.follow_coupler_end(node_status)
 
-    def _on_grant(self, grant: Grant) -> None:
+    def _on_grants(self, grants: list[Grant]) -> None:
+        for grant in grants:
+            self._accept(grant)
+        if not self.ended.is_set():
+            self._work()
+
+    def _accept(self, grant: Grant) -> None:
         if grant.command is Command.CHECKPOINT:
             self._participant.accept_keep(grant)
             self._keep(grant.tick)
@@ -110,7 +116,6 @@ class MechanismNode(LockstepNode):
             self._publish(self._mechanism.initial_state(self.run.run_id, self._initial_wrenches))
         elif grant.tick == schedule.first_tick and schedule.control_due(grant.tick):
             self._publish_state(grant.tick - 1)  # a resumed run, whose controller has not received it
-        self._work()
 
     def _on_wrenches(self, wrenches: ToolWrenches) -> None:
         self._participant.accept_wrenches(wrenches)
@@ -139,6 +144,8 @@ class MechanismNode(LockstepNode):
             if self._checkpoint_writer is not None and self._participant.finished:
                 self._checkpoint_writer.note_end(tick, MECHANISM, self._engine)
             self.note_tick(tick, self._participant.finished)
+        if self._participant.waits_for_grant:
+            self.flush()
 
     def _publish_state(self, tick: int) -> MechanismState | None:
         if self._mechanism is None:

@@ -1,7 +1,7 @@
 """The recorder as a node: writes every message of every tick, and acknowledges ticks to the coupler."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 
 from rclpy.context import Context
@@ -78,9 +78,6 @@ def initial_topics(resolved: ResolvedScene) -> tuple[str, ...]:
 class RecorderNode(LockstepNode):
     """The recorder in the lockstep: it acknowledges ticks once they are written."""
 
-    rest_s = 0.004
-    rest_ticks = 4
-
     def __init__(
         self, writer: BagWriter, run: RunSettings, heartbeat: Heartbeat, context: Context | None = None
     ) -> None:
@@ -102,16 +99,20 @@ class RecorderNode(LockstepNode):
         self._acks = self.publisher(TickAck, (COUPLER,))
         self.listen(NodeStatus, self._on_node_status, ())
         self._read_grant, self._read_head = reader(Grant), reader(Head)
-        self.listen_raw(Grant, self._on_grant, (COUPLER,))
-        sources: list[tuple[type, str]] = [(ToolMotions, self._motion_source), (CouplingReport, COUPLER)]
+        self.listen_ticks_raw(Grant, self._on_grants, COUPLER)
+        exchanged: list[tuple[type, str]] = [(ToolMotions, self._motion_source)]
+        sources: list[tuple[type, str]] = [(CouplingReport, COUPLER)]
         if scene.mechanism is not None:
             sources.append((MechanismState, MECHANISM))
         if scene.soil is not None:
-            sources += [(ToolWrenches, SOIL), (SoilState, SOIL)]
+            exchanged.append((ToolWrenches, SOIL))
+            sources.append((SoilState, SOIL))
         if run.schedule.cloud_ticks:
             sources.append((SoilCloud, SOIL))
         if scene.controller is not None:
             sources.append((DriverCommand, CONTROLLER))
+        for kind, source in exchanged:
+            self.listen_ticks_raw(kind, partial(self._on_messages, kind), source)
         for kind, source in sources:
             self.listen_raw(kind, partial(self._on_message, kind), (source,))
 
@@ -156,6 +157,16 @@ class RecorderNode(LockstepNode):
             cdr = writer(type(record), self._communication_step_ns)(record)
             self._barrier.add(TOPIC_OF[type(record)], INITIAL_TICK, cdr)
         self._record()
+
+    def _on_grants(self, messages: Sequence[bytes]) -> None:
+        for cdr in messages:
+            if not self.ended.is_set():
+                self._on_grant(cdr)
+
+    def _on_messages(self, kind: type, messages: Sequence[bytes]) -> None:
+        for cdr in messages:
+            if not self.ended.is_set():
+                self._on_message(kind, cdr)
 
     def _on_grant(self, cdr: bytes) -> None:
         grant = self._read_grant(cdr)

@@ -77,8 +77,8 @@ class SoilNode(LockstepNode):
         self._engine_s = 0.0  # spent in the engine
         self._initial_motions: tuple[ToolMotion, ...] = ()
         self._last_wrenches: tuple[ToolWrench, ...] | None = None  # None: the soil has not answered yet
-        listeners = (COUPLER, RECORDER) if motion_source is not None else (MECHANISM, COUPLER, RECORDER)
-        self._wrenches = self.publisher(ToolWrenches, listeners)
+        at_once = (MECHANISM,) if motion_source is None else ()
+        self._wrenches = self.tick_publisher(ToolWrenches, at_once, (COUPLER, RECORDER))
         self._states = self.publisher(SoilState, (RECORDER,))
         self._clouds = self.publisher(SoilCloud, (RECORDER,)) if run.schedule.cloud_ticks else None
         self._tool_count = len(scene.tools)
@@ -89,11 +89,11 @@ class SoilNode(LockstepNode):
         self._visualization = (
             VisualizationPublisher(self, run.resolved) if motion_source is not None else None
         )
-        self.listen(Grant, self._on_grant, (COUPLER,))
+        self.listen_ticks(Grant, self._on_grants, COUPLER)
         if motion_source is None:
             self.listen(ToolMotions, self._on_motions, (MECHANISM,))
         else:
-            self._motions = self.publisher(ToolMotions, (COUPLER, RECORDER))
+            self._motions = self.tick_publisher(ToolMotions, (), (COUPLER, RECORDER))
         self.listen(NodeStatus, self._on_node_status, ())
 
     def on_poll(self) -> None:
@@ -137,7 +137,13 @@ class SoilNode(LockstepNode):
         else:
             self.follow_coupler_end(node_status)
 
-    def _on_grant(self, grant: Grant) -> None:
+    def _on_grants(self, grants: list[Grant]) -> None:
+        for grant in grants:
+            self._accept(grant)
+        if not self.ended.is_set():
+            self._work()
+
+    def _accept(self, grant: Grant) -> None:
         if grant.command is Command.CHECKPOINT:
             self._participant.accept_keep(grant)
             self._keep(grant.tick)
@@ -152,7 +158,6 @@ class SoilNode(LockstepNode):
             self._particles.ends_with(grant.tick)
         if grant.tick == 0:
             self._publish_state(INITIAL_TICK)
-        self._work()
 
     def _on_motions(self, motions: ToolMotions) -> None:
         self._participant.accept_motions(motions)
@@ -183,6 +188,8 @@ class SoilNode(LockstepNode):
                 for part, engine in self._parts():
                     self._checkpoint_writer.note_end(tick, part, engine)
             self.note_tick(tick, self._participant.finished)
+        if self._participant.waits_for_grant:
+            self.flush()
 
     def _publish_state(self, tick: int) -> None:
         end_ns = tick_end_ns(tick, self._communication_step_ns)

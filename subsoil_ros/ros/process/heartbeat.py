@@ -18,7 +18,7 @@ from rclpy.node import Node
 
 from ..._version import __version__
 from ...coupling.exit_status import ExitStatus
-from ...coupling.protocol import CAPABILITIES, COUPLER
+from ...coupling.protocol import BATCHES, CAPABILITIES, COUPLER
 from ...coupling.run_settings import RunSettings
 from ...coupling.time_limits import HEARTBEAT_S, SILENCE_S, STALL_S, STARTUP_S
 from ...messages import NodeState, NodeStatus, ToolMotion, ToolWrench
@@ -66,6 +66,7 @@ class Heartbeat:
         self._heard: dict[str, float] = {}
         self._process_ids: dict[str, int] = {}
         self._was_here: dict[str, bool] = {}  # whether that process was on this machine when first heard of
+        self._capabilities: dict[str, tuple[str, ...]] = {}
         self._ended: dict[str, tuple[float, str]] = {}  # when a node published its end, and why
         self._lost = ""
         self._said = threading.Lock()
@@ -122,6 +123,11 @@ class Heartbeat:
         """The watched node that is silent or a coupler that has ended, in words; empty if there is none."""
         return self._lost
 
+    def takes_batches(self, node: str) -> bool | None:
+        """Whether a node of the run has the capability BATCHES; None: not heard of yet."""
+        found = self._capabilities.get(node)
+        return None if found is None else BATCHES in found
+
     def request_stop(self, stop: ExitStatus) -> None:
         """Request the node to end; the first request counts. For any thread or signal handler."""
         if self.stop is None:
@@ -177,6 +183,8 @@ class Heartbeat:
 
     def _on_node_status(self, cdr: bytes) -> None:
         node_status = self._read(cdr)
+        if node_status.run_id == self.run.run_id:
+            self._capabilities[node_status.node] = node_status.capabilities
         if node_status.run_id == self.run.run_id and node_status.node in self._watched:
             self._heard[node_status.node] = time.monotonic()
             if self._process_ids.get(node_status.node) != node_status.process_id:

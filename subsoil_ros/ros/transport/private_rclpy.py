@@ -31,7 +31,6 @@ def serve(
     poll: Callable[[], None],
     poll_s: float,
     ended: Callable[[], bool],
-    rest_s: Callable[[], float] = lambda: 0.0,
 ) -> None:
     """Serve the subscriptions, all raw, and services of `node` in this thread; it must be in no executor.
 
@@ -40,19 +39,17 @@ def serve(
     Args:
         poll: called every `poll_s`, also while messages come.
         ended: called after every message and every poll; the loop ends when it returns True.
-        rest_s: returns the pause after a wake-up, in which messages are collected to be taken together.
-            For nodes that no other node waits for: each wake-up takes a core from those that compute. After
-            a request there is no pause.
     """
-    served = [(item.handle, item.handle.pointer, item.msg_type, item.callback) for item in node.subscriptions]
     services = list(node.services)
-    wait_set = _rclpy.WaitSet(len(served), 0, 0, 0, len(services), 0, node.context.handle)
+    served, wait_set = _served(node, len(services))
     next_poll = time.monotonic()
     while not ended():
         left_s = next_poll - time.monotonic()
         if left_s <= 0.0:
             poll()
             next_poll = time.monotonic() + poll_s
+            if len(served) != len(list(node.subscriptions)):  # the poll may have subscribed
+                served, wait_set = _served(node, len(services))
             continue
         wait_set.clear_entities()
         for handle, *_ in served:
@@ -69,10 +66,14 @@ def serve(
                 if taken is None or ended():
                     break
                 callback(*taken)
-        asked = bool(services) and _answer(services, wait_set.get_ready_entities("service"), ended)
-        pause_s = rest_s()
-        if pause_s > 0.0 and not asked:
-            time.sleep(pause_s)
+        if services:
+            _answer(services, wait_set.get_ready_entities("service"), ended)
+
+
+def _served(node: Node, services: int) -> tuple[list[tuple[Any, ...]], Any]:
+    """What `serve` needs of each subscription, and a set to wait for them and for some services."""
+    served = [(item.handle, item.handle.pointer, item.msg_type, item.callback) for item in node.subscriptions]
+    return served, _rclpy.WaitSet(len(served), 0, 0, 0, services, 0, node.context.handle)
 
 
 def serve_requests(node: Node, poll: Callable[[], None], poll_s: float, over: Callable[[], bool]) -> None:
@@ -106,22 +107,19 @@ def given_parameters(node: Node) -> Collection[str]:
         return set(node.handle.get_parameters(Parameter))
 
 
-def _answer(services: Sequence[Service], ready: Collection[int], ended: Callable[[], bool]) -> bool:
-    """Pass on the requests that have come; return whether there were any. None is taken once `ended`."""
-    asked = False
+def _answer(services: Sequence[Service], ready: Collection[int], ended: Callable[[], bool]) -> None:
+    """Pass on the requests that have come; none is taken once `ended`."""
     for service in services:
         if service.handle.pointer not in ready:
             continue
         for _ in range(BURST):
             if ended():
-                return asked
+                return
             kind: Any = service.srv_type  # its annotation does not say that it has a Request
             request, header = service.handle.service_take_request(kind.Request)
             if header is None:
                 break
-            asked = True
             service.callback(request, header)
-    return asked
 
 
 class ParameterServices:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..blades import Blade, Soil, godwin_odogherty, mckyes_ali, perumpral
+from .blade_table import FORMS, blade_of, printed_soil
 from .plate_points import Point
 
 RESULTS = Path(__file__).with_name("results")
@@ -19,8 +19,6 @@ RADIUS_M = 0.012
 
 SUSPECT = (0.3, 0.1)
 """Width and depth of the row whose dimensionless force is far from its fellows'."""
-
-FORMS = {"Perumpral": perumpral, "Godwin and O'Dogherty": godwin_odogherty, "McKyes and Ali": mckyes_ali}
 
 Place = tuple[float, float]
 """Width and depth of a row [m]."""
@@ -51,14 +49,6 @@ def grain_slope(rows: Sequence[Kept]) -> float | None:
     return float(slope / at_zero)
 
 
-def printed_strength(row: Kept) -> Soil:
-    """The soil as the laboratory gives it."""
-    return Soil(
-        float(row["cohesion_pa"]), math.radians(float(row["friction_angle_deg"])),
-        float(row["bulk_density_kg_per_m3"]), math.radians(float(row["metal_friction_angle_deg"])),
-    )  # fmt: skip
-
-
 def predictions(rows: Sequence[Kept]) -> dict[str, dict[Place, list[float]]]:
     """Draft of each reading, by who predicts and by row."""
     found: dict[str, dict[Place, list[float]]] = defaultdict(lambda: defaultdict(list))
@@ -77,9 +67,8 @@ def predictions(rows: Sequence[Kept]) -> dict[str, dict[Place, list[float]]]:
                 found["particles, without grain"][place].append(
                     draft / (1.0 + slopes[0] * RADIUS_M / place[1])
                 )
-            blade = Blade(*place, math.radians(float(row["rake_deg"])), float(row["speed_m_per_s"]))
             for name, form in FORMS.items():
-                found[name][place].append(form(printed_strength(row), blade).draft_newton)
+                found[name][place].append(form(printed_soil(row), blade_of(row)).draft_newton)
     return found
 
 

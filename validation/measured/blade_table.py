@@ -1,7 +1,7 @@
 """Tables of flat blades that were drawn: template.csv."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from subsoil_ros.loading.material_file import read_material
@@ -13,10 +13,10 @@ from .table import Kind, Row
 HEAP_M = 0.05
 """A blade stands out of the surface by its depth and this, so that no heap flows over it."""
 
-FORMS = (perumpral, godwin_odogherty, mckyes_ali)
+FORMS = {"Perumpral": perumpral, "Godwin and O'Dogherty": godwin_odogherty, "McKyes and Ali": mckyes_ali}
 
 
-def blade_of(row: Row) -> Blade:
+def blade_of(row: Mapping[str, str | float]) -> Blade:
     """Raises ValueError for a blade that cannot be."""
     width, depth, rake, speed = (
         float(row[key]) for key in ("width_m", "depth_m", "rake_deg", "speed_m_per_s")
@@ -24,11 +24,17 @@ def blade_of(row: Row) -> Blade:
     return Blade(width, depth, math.radians(rake), speed)
 
 
+def printed_soil(row: Mapping[str, str | float]) -> Soil:
+    """The soil as the laboratory gives it."""
+    return Soil(
+        float(row["cohesion_pa"]), math.radians(float(row["friction_angle_deg"])),
+        float(row["bulk_density_kg_per_m3"]), math.radians(float(row["metal_friction_angle_deg"])),
+    )  # fmt: skip
+
+
 def theory(row: Row) -> float:
     """Perumpral's draft with the strength of the laboratory [N]."""
-    angles = (math.radians(float(row[key])) for key in ("friction_angle_deg", "metal_friction_angle_deg"))
-    soil = Soil(float(row["cohesion_pa"]), next(angles), float(row["bulk_density_kg_per_m3"]), next(angles))
-    return perumpral(soil, blade_of(row)).draft_newton
+    return perumpral(printed_soil(row), blade_of(row)).draft_newton
 
 
 def drawn(
@@ -46,7 +52,7 @@ def drawn(
         strength = soil_of(read_material(soil, str(soil)))
         values = (
             *pull.draft, pull.vertical[0], pull.particles,
-            *(form(strength, blade).draft_newton for form in FORMS),
+            *(form(strength, blade).draft_newton for form in FORMS.values()),
         )  # fmt: skip
         found.append(dict(zip(BLADES.results, values, strict=True)))
     return found

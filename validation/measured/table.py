@@ -94,8 +94,8 @@ class Kind(NamedTuple):
         if cohesion > 0.0 and theory > CONTRADICTED * measured:
             print(
                 f"{where}: cohesion_pa: {cohesion:g} makes {theory:.3g} {unit} by theory ({name}), "
-                f"measured are {measured:g} {unit}: is it the intercept of a curved envelope (dry sand has no "
-                "cohesion), or has the soil not failed yet?",
+                f"measured are {measured:g} {unit}: is it the intercept of a curved envelope (dry sand has "
+                "none), or has the soil not failed yet?",
                 file=sys.stderr,
             )
 

@@ -27,7 +27,7 @@ def publish(kind: str, run_id: str) -> None:
     while not last and time.monotonic() < deadline:
         rclpy.spin_once(node, timeout_sec=0.1)
     publisher = node.create_publisher(ToolWrenches, "tool_wrenches", LOCKSTEP_QOS)
-    while publisher.get_subscription_count() < 4 and time.monotonic() < deadline:  # three nodes and this one
+    while publisher.get_subscription_count() < 2 and time.monotonic() < deadline:  # mechanism and itself
         rclpy.spin_once(node, timeout_sec=0.01)
     message = last[-1]
     if kind == "foreign_run":

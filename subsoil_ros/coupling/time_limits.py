@@ -9,6 +9,9 @@ kills it, and a dead node is named before a tick takes too long.
 GRANTED_S = 0.2
 """Time that the ticks granted ahead may take: a pause or a stop takes effect after them."""
 
+FAULT_S = 0.5
+"""Time for the batches with all ticks that a faulty node had finished to reach the coupler."""
+
 BATCH_S = 0.05
 """Time after which a message is not kept for a batch any longer, at the next tick or poll."""
 

@@ -25,7 +25,7 @@ from ...coupling.protocol import (
 )
 from ...coupling.run_settings import RunSettings
 from ...coupling.tick_rules import TickRules
-from ...coupling.time_limits import CUT_S, DEADLINE_S, END_WORD_S, GRANTED_S, KEEP_S, PROGRESS_S, STARTUP_S
+from ...coupling.time_limits import DEADLINE_S, END_WORD_S, FAULT_S, GRANTED_S, KEEP_S, PROGRESS_S, STARTUP_S
 from ...errors import RunError
 from ...messages import (
     CouplingReport,
@@ -115,7 +115,7 @@ class CouplerNode(LockstepNode):
         self._checkpoint_writer = run.checkpoint_writer()
         self._keep_said = False
         self._keep_deadline: float | None = None  # of the checkpoint before a requested end
-        self._fault: NodeStatus | None = None  # of an engine, until all that it had finished is known
+        self._fault: NodeStatus | None = None  # of a node that had finished more ticks than are known here
         self._fault_deadline = 0.0
         self._rules: TickRules | None = None  # from the initial exchange
         self._progress_tick = INITIAL_TICK
@@ -272,6 +272,7 @@ class CouplerNode(LockstepNode):
             self._checkpoint_writer,
         )
         self._last_advance = now
+        self._counted = coupler.done_tick, now
         self._wall.start(before.wall_time_s)
         self._decide(self._rules)  # the run may be resumed at a check tick
         if resumed is None:
@@ -306,7 +307,8 @@ class CouplerNode(LockstepNode):
     def _grant(self) -> None:
         if self._rules is None:
             return
-        ahead = int(GRANTED_S / self._tick_s()) if self._tick_times_s else FIRST_GRANTS
+        times_s = self._tick_times_s
+        ahead = int(GRANTED_S / max(self._tick_s(), times_s[-1], 1e-6)) if times_s else FIRST_GRANTS
         self._publish_grants(*self._coupler.next_grants(max(1, ahead)))
 
     def _tick_s(self) -> float:
@@ -319,27 +321,32 @@ class CouplerNode(LockstepNode):
         self.flush()
 
     def _on_node_status(self, node_status: NodeStatus) -> None:
-        if node_status.state is NodeState.FAULT and node_status.node in (MECHANISM, SOIL):
-            self._fault, self._fault_deadline = node_status, time.monotonic() + CUT_S
-            self._refuse_fault(time.monotonic())
-        else:
+        of_run = node_status.run_id == self.run.run_id and node_status.node in self.run.participants
+        behind = node_status.tick > self._coupler.done_tick
+        if not (node_status.state is NodeState.FAULT and of_run and behind):
             self._coupler.accept_node_status(node_status)
+        elif self._fault is None:
+            self._fault, self._fault_deadline = node_status, time.monotonic() + FAULT_S
 
     def _refuse_fault(self, now: float) -> None:
-        """Raise the fault of an engine, once the batches with all ticks that it had finished are here."""
+        """Raise a fault that waits, once the batches with all ticks that the node had finished are here."""
         fault = self._fault
         if fault is not None and (self._coupler.done_tick >= fault.tick or now > self._fault_deadline):
             self._coupler.accept_node_status(fault)
 
     def _on_motions(self, ticks: list[ToolMotions]) -> None:
-        for motions in ticks:
-            self._coupler.accept_motions(motions)
-        self._follow()
+        try:
+            for motions in ticks:
+                self._coupler.accept_motions(motions)
+        finally:
+            self._follow()  # the ticks before one that is refused are done
 
     def _on_wrenches(self, ticks: list[ToolWrenches]) -> None:
-        for wrenches in ticks:
-            self._coupler.accept_wrenches(wrenches)
-        self._follow()
+        try:
+            for wrenches in ticks:
+                self._coupler.accept_wrenches(wrenches)
+        finally:
+            self._follow()
 
     def _on_command(self, command: DriverCommand) -> None:
         self._coupler.accept_command(command)

@@ -51,7 +51,7 @@ class _Source(NamedTuple):
 
     def take_batch(self, batch: bytes) -> None:
         """Handle the messages of a batch."""
-        self.handle(tuple(unpacked(batch)))
+        self.handle(unpacked(batch))
 
 
 class LockstepNode(Node):
@@ -80,6 +80,7 @@ class LockstepNode(Node):
         self._writers: dict[type, Callable[[Any], bytes]] = {}
         self._partners: list[_Endpoint] = []
         self._tick_publishers: list[TickPublisher] = []
+        heartbeat.at_beat(self.flush)
         self._sources: list[_Source] = []  # not heard of yet
         self._guarded_topics: dict[str, tuple[str, ...]] = {}  # not listened to: who may publish on them
         self._diagnostics = Diagnostics(self, run.run_id, self._communication_step_ns)
@@ -148,9 +149,8 @@ class LockstepNode(Node):
                 due += 1
                 handle(cdr)
             except ProtocolError:
-                self._refuse_unknown_publishers(
-                    subscription.topic_name, partners
-                )  # raises one that names them
+                count = subscription.get_publisher_count()
+                self._refuse_unknown_publishers(subscription.topic_name, partners, count)  # names them
                 raise
 
         subscription = self.create_subscription(message_class, topic, self._guarded(received), qos, raw=True)
@@ -188,19 +188,19 @@ class LockstepNode(Node):
         """
         later = self._of_run(later)
         takes = self.heartbeat.takes_batches
-        singles = self._publisher(
-            kind, lambda: at_once + tuple(name for name in later if takes(name) is False)
-        )
         batches = self.create_publisher(rclpy_class(BATCH), batch_topic(kind), LOCKSTEP_QOS)
         self._partners.append(
             _Endpoint(batches, lambda: tuple(name for name in later if takes(name) is not False))
+        )
+        singles = self._publisher(
+            kind, lambda: at_once + tuple(name for name in later if takes(name) is False)
         )
         publisher = TickPublisher(singles, batches, self._batch_ticks)
         self._tick_publishers.append(publisher)
         return publisher
 
     def flush(self) -> None:
-        """Publish the messages that are kept for a batch."""
+        """Publish the messages that are kept for a batch; the heartbeat does it while an engine computes."""
         for publisher in self._tick_publishers:
             publisher.flush()
 
@@ -275,6 +275,8 @@ class LockstepNode(Node):
         level = Level.ERROR if exit_status else Level.OK
         self._diagnostics.publish(Health(level, reason or "the run has ended"), self.heartbeat.tick)
         self.ended.set()
+        for publisher in self._tick_publishers:
+            publisher.drop()
 
     def finish_aborted(self, grant: Grant) -> None:
         """Ends the node because the coupler aborted the run."""
@@ -347,21 +349,21 @@ class LockstepNode(Node):
         for endpoint, names_of in self._partners:
             if not isinstance(endpoint, Subscription) or endpoint.topic_name.endswith(TOPIC_OF[NodeStatus]):
                 continue  # every node publishes its status
-            if endpoint.get_publisher_count() > len(names_of()):
-                self._refuse_unknown_publishers(endpoint.topic_name, names_of())
+            if (count := endpoint.get_publisher_count()) > len(names_of()):
+                self._refuse_unknown_publishers(endpoint.topic_name, names_of(), count)
         for topic, names in self._guarded_topics.items():
-            if self.count_publishers(topic) > len(names):
-                self._refuse_unknown_publishers(topic, names)
+            if (count := self.count_publishers(topic)) > len(names):
+                self._refuse_unknown_publishers(topic, names, count)
 
-    def _refuse_unknown_publishers(self, topic: str, names: tuple[str, ...]) -> None:
-        """Raises ProtocolError that names the publishers of a topic which are not of the run, if any are."""
+    def _refuse_unknown_publishers(self, topic: str, names: tuple[str, ...], count: int) -> None:
+        """Raises ProtocolError that names those of `count` publishers which are not of the run, if any."""
         if topic.endswith(TOPIC_OF[NodeStatus]):
             run = (*self.run.participants, COUPLER)
             names = tuple(f"{name}_process" for name in run)
             allowed = {*names, *run}  # a controller in another language may be one node
         else:
             allowed = set(names)
-        found = unknown_publishers(self, topic, allowed.__contains__, self.count_publishers(topic))
+        found = unknown_publishers(self, topic, allowed.__contains__, count)
         if found:
             raise ProtocolError(
                 f"{topic.lstrip('/')}: {found} publishes on it; in a run only {', '.join(names)} may. Give "

@@ -99,8 +99,7 @@ class RecorderNode(LockstepNode):
         self._acks = self.publisher(TickAck, (COUPLER,))
         self.listen(NodeStatus, self._on_node_status, ())
         self._read_grant, self._read_head = reader(Grant), reader(Head)
-        self.listen_ticks_raw(Grant, self._on_grants, COUPLER)
-        exchanged: list[tuple[type, str]] = [(ToolMotions, self._motion_source)]
+        exchanged: list[tuple[type, str]] = [(Grant, COUPLER), (ToolMotions, self._motion_source)]
         sources: list[tuple[type, str]] = [(CouplingReport, COUPLER)]
         if scene.mechanism is not None:
             sources.append((MechanismState, MECHANISM))
@@ -158,14 +157,13 @@ class RecorderNode(LockstepNode):
             self._barrier.add(TOPIC_OF[type(record)], INITIAL_TICK, cdr)
         self._record()
 
-    def _on_grants(self, messages: Sequence[bytes]) -> None:
-        for cdr in messages:
-            if not self.ended.is_set():
-                self._on_grant(cdr)
-
     def _on_messages(self, kind: type, messages: Sequence[bytes]) -> None:
         for cdr in messages:
-            if not self.ended.is_set():
+            if self.ended.is_set():
+                return
+            if kind is Grant:
+                self._on_grant(cdr)
+            else:
                 self._on_message(kind, cdr)
 
     def _on_grant(self, cdr: bytes) -> None:

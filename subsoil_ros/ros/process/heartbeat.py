@@ -82,6 +82,7 @@ class Heartbeat:
         self._parameters = ParameterServices(node, name)
         self._closing = threading.Event()
         self._destroys: list[Callable[[], None]] = []
+        self._at_beat: Callable[[], None] = lambda: None
         self._thread = threading.Thread(target=self._spin, name=f"{name}_heartbeat", daemon=True)
 
     def start(self) -> None:
@@ -157,6 +158,10 @@ class Heartbeat:
         while waited & set(self.untold) and self.stop is None and time.monotonic() < deadline:
             time.sleep(0.1)
 
+    def at_beat(self, act: Callable[[], None]) -> None:
+        """Register a function that is called with every heartbeat."""
+        self._at_beat = act
+
     def at_close(self, destroy: Callable[[], None]) -> None:
         """Register a function that destroys an entity of the node once it is not spun any more."""
         self._destroys.append(destroy)
@@ -185,6 +190,8 @@ class Heartbeat:
         node_status = self._read(cdr)
         if node_status.run_id == self.run.run_id:
             self._capabilities[node_status.node] = node_status.capabilities
+        else:  # its messages, of another run, are refused
+            self._capabilities.setdefault(node_status.node, node_status.capabilities)
         if node_status.run_id == self.run.run_id and node_status.node in self._watched:
             self._heard[node_status.node] = time.monotonic()
             if self._process_ids.get(node_status.node) != node_status.process_id:
@@ -195,6 +202,7 @@ class Heartbeat:
 
     def _on_timer(self) -> None:
         self._publish()
+        self._at_beat()
         now = time.monotonic()
         if now - self._checked > 0.5 * SILENCE_S:  # this process itself was stopped: the others may run
             self._heard = dict.fromkeys(self._heard, now)

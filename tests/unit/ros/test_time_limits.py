@@ -12,6 +12,7 @@ from subsoil_ros.coupling.time_limits import (
     END_S,
     END_WORD_S,
     FAILED_END_S,
+    FAULT_S,
     GRANTED_S,
     HEARTBEAT_S,
     KEEP_S,
@@ -33,6 +34,8 @@ ROS = Path(__file__).parents[3] / "subsoil_ros" / "ros"
 def test_a_node_polls_between_heartbeats_and_several_heartbeats_pass_before_it_counts_as_dead() -> None:
     """From the sleep of a node to the start-up of all; a dead node is named before a tick is late."""
     assert BATCH_S < POLL_S < GRANTED_S < KEEP_S
+    assert 2.0 * POLL_S < FAULT_S
+    assert FAULT_S + LAST_WORD_S <= VERDICT_S
     assert POLL_S < HEARTBEAT_S < SILENCE_S / 2.0 < SILENCE_S < STALL_S
     assert STALL_S < LATE_S < DEADLINE_S < STARTUP_S
 

@@ -1,8 +1,6 @@
 """The coupler as a node: grants ticks, accounts the interface energy, publishes /clock, ends the run."""
 
-import statistics
 import time
-from collections import deque
 from functools import partial
 
 from rclpy.context import Context
@@ -25,7 +23,7 @@ from ...coupling.protocol import (
 )
 from ...coupling.run_settings import RunSettings
 from ...coupling.tick_rules import TickRules
-from ...coupling.time_limits import DEADLINE_S, END_WORD_S, FAULT_S, GRANTED_S, KEEP_S, PROGRESS_S, STARTUP_S
+from ...coupling.time_limits import DEADLINE_S, END_WORD_S, FAULT_S, KEEP_S, PROGRESS_S, STARTUP_S
 from ...errors import RunError
 from ...messages import (
     CouplingReport,
@@ -49,43 +47,13 @@ from .diagnostics import Health, Level
 from .lockstep_node import LockstepNode
 from .run_control import RunControl
 from .run_services import PauseServices, SimulationServices, StepsAction
+from .wall_times import RunClock, TickTimes
 
 DEADLINE_MEDIANS = 50.0
 """Time limit of a tick over the median of the last ticks, where that is longer."""
 
 NEAR = 0.5
 """Part of a bound at which diagnostics warn: early enough to act before the run ends or waits at it."""
-
-FIRST_GRANTS = 8
-"""Ticks granted ahead before the time of a tick is known."""
-
-TICK_TIMES = 101
-"""Number of batches whose tick times are kept, odd, so that the median is one of them."""
-
-
-class _RunClock:
-    """Wall time of a run from `start` on [s], without pauses; 0 before."""
-
-    def __init__(self) -> None:
-        self._start = time.monotonic()
-        self._stopped: float | None = self._start  # start of the present pause; None: the clock runs
-
-    def start(self, before_s: float = 0.0) -> None:
-        """Start the clock at `before_s`, the time of earlier runs in a resumed one."""
-        self._start, self._stopped = time.monotonic() - before_s, None
-
-    def stand(self, standing: bool) -> None:
-        """Stop the clock while the run stands."""
-        now = time.monotonic()
-        if self._stopped is not None:
-            self._start += now - self._stopped
-        self._stopped = now if standing else None
-
-    @property
-    def elapsed_s(self) -> float:
-        """The wall time so far."""
-        now = time.monotonic() if self._stopped is None else self._stopped
-        return now - self._start
 
 
 class CouplerNode(LockstepNode):
@@ -120,9 +88,8 @@ class CouplerNode(LockstepNode):
         self._rules: TickRules | None = None  # from the initial exchange
         self._progress_tick = INITIAL_TICK
         self._last_advance = self._progress_s = time.monotonic()
-        self._counted = self._progress_tick, self._last_advance  # up to here ticks are timed
-        self._tick_times_s: deque[float] = deque(maxlen=TICK_TIMES)  # means of the ticks that came together
-        self._wall = _RunClock()
+        self._times = TickTimes()
+        self._wall = RunClock()
         self._grants = self.tick_publisher(Grant, (), names)
         self._reports = self.publisher(CouplingReport, (RECORDER,))
         self._clock_publisher = self.create_publisher(
@@ -161,7 +128,7 @@ class CouplerNode(LockstepNode):
             self._log_progress(now)
         if self._coupler.standing:
             self._last_advance = now  # no deadline while the run is paused
-            self._counted = self._coupler.done_tick, now
+            self._times.restart(self._coupler.done_tick)
         allowed_s = self._allowed_s()
         if now - self._last_advance > allowed_s:
             raise RunError(f"no {self._coupler.missing()} within {allowed_s:.0f} s")
@@ -194,7 +161,7 @@ class CouplerNode(LockstepNode):
             "interface_residual_ratio": account.work.residual_ratio,
             "residual_bound": coupling.residual_bound,
             "interface_work_joule": account.work.absolute_work_joule,
-            "tick_time_median_s": self._tick_s(),
+            "tick_time_median_s": self._times.median_s,
             "recorder_lag_ticks": lag,
         }
         if account.nears_bound(NEAR):
@@ -252,7 +219,7 @@ class CouplerNode(LockstepNode):
     def _allowed_s(self) -> float:
         if self._coupler.done_tick < self._first_tick:
             return STARTUP_S
-        return max(DEADLINE_S, DEADLINE_MEDIANS * self._tick_s())
+        return max(DEADLINE_S, DEADLINE_MEDIANS * self._times.median_s)
 
     def _begin(self, now: float) -> None:
         coupler = self._coupler
@@ -272,7 +239,7 @@ class CouplerNode(LockstepNode):
             self._checkpoint_writer,
         )
         self._last_advance = now
-        self._counted = coupler.done_tick, now
+        self._times.restart(coupler.done_tick)
         self._wall.start(before.wall_time_s)
         self._decide(self._rules)  # the run may be resumed at a check tick
         if resumed is None:
@@ -290,7 +257,7 @@ class CouplerNode(LockstepNode):
     def _on_pacing(self) -> None:
         """Handle a request for a pause, its end, or steps."""
         self._last_advance = time.monotonic()
-        self._counted = self._coupler.done_tick, self._last_advance
+        self._times.restart(self._coupler.done_tick)
         if self._rules is not None:
             self._say_pacing()
             self._wall.stand(self._coupler.standing)
@@ -307,13 +274,7 @@ class CouplerNode(LockstepNode):
     def _grant(self) -> None:
         if self._rules is None:
             return
-        times_s = self._tick_times_s
-        ahead = int(GRANTED_S / max(self._tick_s(), times_s[-1], 1e-6)) if times_s else FIRST_GRANTS
-        self._publish_grants(*self._coupler.next_grants(max(1, ahead)))
-
-    def _tick_s(self) -> float:
-        """Median time of a tick; 0 before the first."""
-        return statistics.median(self._tick_times_s) if self._tick_times_s else 0.0
+        self._publish_grants(*self._coupler.next_grants(self._times.ahead))
 
     def _publish_grants(self, *grants: Grant) -> None:
         for grant in grants:
@@ -362,12 +323,9 @@ class CouplerNode(LockstepNode):
             self._end()
 
     def _follow(self) -> None:
-        before, since = self._counted
         while (finished := self._coupler.take_finished()) is not None:
             self._apply_rules(finished)
-        if self._coupler.done_tick > before:
-            self._counted = self._coupler.done_tick, self._last_advance
-            self._tick_times_s.append((self._last_advance - since) / (self._coupler.done_tick - before))
+        self._times.note(self._coupler.done_tick)
         self._refuse_fault(time.monotonic())
         if self._control.waiting:
             self._control.note_done()

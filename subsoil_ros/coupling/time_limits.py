@@ -13,7 +13,7 @@ FAULT_S = 0.5
 """Time for the batches with all ticks that a faulty node had finished to reach the coupler."""
 
 BATCH_S = 0.05
-"""Time after which a message is not kept for a batch any longer, at the next tick or poll."""
+"""Time after which a message is kept for a batch no longer than to the next tick, poll or heartbeat."""
 
 POLL_S = 0.1
 """Interval of checks that no message triggers: matched endpoints, stop requests, silence."""

@@ -10,7 +10,9 @@ import yaml
 import subsoil_ros
 from subsoil_ros.coupling.run_options import OPTIONS
 from subsoil_ros.loading.loader import load_scene
-from subsoil_ros.recording.topics import LATCHED, TOPIC_OF, derived_topics
+from subsoil_ros.messages import Grant, ToolMotions, ToolWrenches
+from subsoil_ros.recording.topics import LATCHED, TOPIC_OF, batch_topic, derived_topics
+from subsoil_ros.recording.types import BATCH
 
 ROOT = Path(__file__).parents[3]
 TEXT = (ROOT / "docs" / "ros.md").read_text(encoding="utf-8")
@@ -36,6 +38,7 @@ def test_every_topic_is_in_the_table_with_its_type() -> None:
     scene = load_scene(ROOT / "config/scenes/tine.yaml").scene
     derived = derived_topics(scene).items()
     others = {topic.replace("tool/tine/", "tool/NAME/"): kind for topic, kind in derived}
+    others |= {batch_topic(kind): BATCH for kind in (Grant, ToolMotions, ToolWrenches)}
     others |= LATCHED | {"/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"}
     listed = {cells[0].strip("`"): cells[1] for cells in rows("Topics")}
     assert set(listed) == {*TOPIC_OF.values(), *others}

@@ -7,6 +7,7 @@ import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,35 +41,50 @@ def place_of(row: Kept) -> Place:
     return float(row["width_m"]), float(row["depth_m"])
 
 
-def grain_slope(rows: Sequence[Kept]) -> float | None:
-    """b of F = F0 (1 + b r / d), least squares over the radii of one row; None with fewer than three."""
+class Grain(NamedTuple):
+    """F = F0 (1 + b r / d), least squares over the radii of one row."""
+
+    slope: float  # b
+    at_zero_newton: float  # F0
+    half_newton: float  # of its 95 % interval, from those of the means
+
+
+def grain(rows: Sequence[Kept]) -> Grain | None:
+    """None with fewer than three radii."""
     if len({row["radius_m"] for row in rows}) < 3:
         return None
     x = [float(row["radius_m"]) / float(row["depth_m"]) for row in rows]
-    slope, at_zero = np.polyfit(x, [float(row["simulated_newton"]) for row in rows], 1)
-    return float(slope / at_zero)
+    taken = np.linalg.pinv(np.column_stack([np.ones(len(x)), x]))
+    drafts, halves = (
+        np.array([float(row[key]) for row in rows]) for key in ("simulated_newton", "simulated_error_newton")
+    )
+    at_zero, rise = taken @ drafts
+    return Grain(float(rise / at_zero), float(at_zero), float(np.hypot.reduce(taken[0] * halves)))
+
+
+def grains(rows: Sequence[Kept]) -> dict[str, Grain]:
+    """Of each reading, where a row has three radii."""
+    groups: dict[tuple[str, Place], list[Kept]] = defaultdict(list)
+    for row in rows:
+        groups[row["soil"], place_of(row)].append(row)
+    return {soil: fit for (soil, _), group in groups.items() if (fit := grain(group)) is not None}
 
 
 def predictions(rows: Sequence[Kept]) -> dict[str, dict[Place, list[float]]]:
     """Draft of each reading, by who predicts and by row."""
     found: dict[str, dict[Place, list[float]]] = defaultdict(lambda: defaultdict(list))
-    for soil in sorted({row["soil"] for row in rows}):
-        own = [row for row in rows if row["soil"] == soil]
-        by_place: dict[Place, list[Kept]] = defaultdict(list)
-        for row in own:
-            by_place[place_of(row)].append(row)
-        slopes = [slope for group in by_place.values() if (slope := grain_slope(group)) is not None]
-        for row in own:
-            if float(row["radius_m"]) != RADIUS_M:
-                continue
-            place, draft = place_of(row), float(row["simulated_newton"])
-            found["particles"][place].append(draft)
-            if slopes:
-                found["particles, without grain"][place].append(
-                    draft / (1.0 + slopes[0] * RADIUS_M / place[1])
-                )
-            for name, form in FORMS.items():
-                found[name][place].append(form(printed_soil(row), blade_of(row)).draft_newton)
+    fits = grains(rows)
+    for row in sorted(rows, key=lambda row: row["soil"]):
+        if float(row["radius_m"]) != RADIUS_M:
+            continue
+        soil, place, draft = row["soil"], place_of(row), float(row["simulated_newton"])
+        found["particles"][place].append(draft)
+        if soil in fits:
+            found["particles, without grain"][place].append(
+                draft / (1.0 + fits[soil].slope * RADIUS_M / place[1])
+            )
+        for name, form in FORMS.items():
+            found[name][place].append(form(printed_soil(row), blade_of(row)).draft_newton)
     return found
 
 
@@ -88,19 +104,32 @@ def points() -> Iterator[Point]:
             )  # fmt: skip
 
 
-def verdict() -> str:
-    """The rules of the set as a whole."""
+def verdict() -> Iterator[str]:
+    """The rules of the set as a whole, and the factors of the grain."""
     suspect = f"{SUSPECT[0]:g} m wide, {SUSPECT[1]:g} m deep, N"
-    off = {point.what: abs(point.predicted / point.measured - 1.0) for point in points()}
+    found = list(points())
+    off = {point.what: abs(point.predicted / point.measured - 1.0) for point in found}
     if not off:
-        return "Blades: no row has both readings yet."
+        yield "Blades: no row has both readings yet."
+        return
+    rows = read("obermayr2013")
     trusted = [value for what, value in off.items() if what != suspect]
-    drafts = predictions(read("obermayr2013"))["particles"].values()
-    apart = max(max(both) / min(both) for both in drafts if len(both) == 2)
-    return (
+    both = {place: two for place, two in predictions(rows)["particles"].items() if len(two) == 2}
+    apart = max(max(two) / min(two) for two in both.values())
+    larger = [_mean(both[place]) / point.measured for place, point in zip(sorted(both), found, strict=True)]
+    yield (
         f"Blades: {len(off)} rows of 8, mean absolute error {np.mean(list(off.values())):.0%}, without the "
-        f"suspect row {np.mean(trusted):.0%} (below 15 %); readings up to {apart:.2f} apart (1.6)."
+        f"suspect row {np.mean(trusted):.0%} (below 15 %); readings up to {apart:.2f} apart (1.6). Particles "
+        f"of {1e3 * RADIUS_M:g} mm, without the factor of the grain, over measured: "
+        + ", ".join(f"{ratio:.2f}" for ratio in larger)
+        + "."
     )
+    for soil, fit in sorted(grains(rows).items()):
+        yield ""
+        yield (
+            f"Factor of the grain, `{soil}`: b of $F_0 (1 + b\\, r/d)$ is {fit.slope:.1f}, $F_0$ "
+            f"{fit.at_zero_newton:.0f} +- {fit.half_newton:.0f} N."
+        )
 
 
 def _mean(values: Sequence[float]) -> float:

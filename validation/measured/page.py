@@ -71,7 +71,7 @@ def tables() -> str:
     lines = [
         *errors(found),
         "",
-        blade_points.verdict(),
+        *blade_points.verdict(),
         "",
         *rows(found),
         "",

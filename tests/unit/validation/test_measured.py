@@ -183,17 +183,27 @@ def test_the_report_follows_the_rules(monkeypatch):
         "draft_newton": "100", "bulk_density_kg_per_m3": "1440", "metal_friction_angle_deg": "16",
     }  # fmt: skip
     rows = [
-        row | {"soil": soil, "radius_m": str(r), "simulated_newton": str(true * (1.0 + 2.0 * r / 0.15))}
+        row
+        | {
+            "soil": soil,
+            "radius_m": str(r),
+            "simulated_newton": str(true * (1.0 + 2.0 * r / 0.15)),
+            "simulated_error_newton": "8",
+        }
         for soil, true in (("a", 80.0), ("b", 180.0))
         for r in (0.008, 0.012, 0.018)
     ]
-    assert blade_points.grain_slope(rows[:3]) == pytest.approx(2.0)
-    assert blade_points.grain_slope(rows[:2]) is None
+    fit = blade_points.grain(rows[:3])
+    assert fit[:2] == pytest.approx((2.0, 80.0))
+    assert 8.0 < fit.half_newton < 24.0  # farther out than the measured radii
+    assert blade_points.grain(rows[:2]) is None
     monkeypatch.setattr(blade_points, "read", lambda name: rows)
     (point,) = blade_points.points()
     assert (point.measured, point.predicted) == (100.0, pytest.approx(120.0))  # sqrt(80 x 180)
-    assert "1 rows of 8, mean absolute error 20%" in blade_points.verdict()
-    assert "2.25 apart" in blade_points.verdict()
+    words = "\n".join(blade_points.verdict())
+    assert "1 rows of 8, mean absolute error 20%" in words
+    assert "2.25 apart" in words
+    assert "$F_0$ 180 +-" in words
 
 
 def test_a_plate_that_rises_along_its_way():

@@ -113,6 +113,17 @@ class LockstepNode(Node):
         read = reader(kind)
         self.listen_ticks_raw(kind, lambda messages: handle([read(cdr) for cdr in messages]), node)
 
+    def listen_grants(self, accept: Callable[[Grant], None], work: Callable[[], None]) -> None:
+        """Subscribe to grants: pass each to `accept`, then call `work` once for those that came together."""
+
+        def handle(grants: list[Grant]) -> None:
+            for grant in grants:
+                accept(grant)
+            if not self.ended.is_set():
+                work()
+
+        self.listen_ticks(Grant, handle, COUPLER)
+
     def listen_ticks_raw(self, kind: type, handle: Callable[[Sequence[bytes]], None], node: str) -> None:
         """The same with the CDR bytes of the messages."""
         self._sources.append(_Source(kind, handle, node))

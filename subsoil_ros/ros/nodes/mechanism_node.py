@@ -61,7 +61,7 @@ class MechanismNode(LockstepNode):
         )
         self.heartbeat.say(NodeState.STARTING, motions=self._initial_motions)
         self.listen(NodeStatus, self._on_node_status, ())
-        self.listen_ticks(Grant, self._on_grants, COUPLER)
+        self.listen_grants(self._accept, self._work)
         if self._with_soil:
             self.listen(ToolWrenches, self._on_wrenches, (SOIL,))
         if controllers:
@@ -95,12 +95,6 @@ class MechanismNode(LockstepNode):
                 self._started = True
         else:
             self.follow_coupler_end(node_status)
-
-    def _on_grants(self, grants: list[Grant]) -> None:
-        for grant in grants:
-            self._accept(grant)
-        if not self.ended.is_set():
-            self._work()
 
     def _accept(self, grant: Grant) -> None:
         if grant.command is Command.CHECKPOINT:

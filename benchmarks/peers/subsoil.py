@@ -25,10 +25,10 @@ def find() -> str:
     return NAME
 
 
-def run(job: Job) -> Result:
-    """Runs a job on one thread; a few steps before it compile the kernels."""
+def run(job: Job, engine_name: str = "own") -> Result:
+    """Runs a job on one thread; a few steps before it compile the kernels. engine_name: soil.engine."""
     bed = Bed(job.positions_m, job.lower_m, job.upper_m)
-    resolved = _resolved(job)
+    resolved = _resolved(job, engine_name)
     _steps(_engine(job, bed, resolved), job, min(3, job.steps))
     engine = _engine(job, bed, resolved)
     before = engine.state("", 0, 0).rebuild_count
@@ -45,7 +45,7 @@ def run(job: Job) -> Result:
     )
 
 
-def _resolved(job: Job) -> ResolvedScene:
+def _resolved(job: Job, engine_name: str) -> ResolvedScene:
     """The scene of a job; its step stands as given, whatever our own limits say."""
     any_size = (1.0, 1.0, 1.0)  # the walls are those of the bed
     case = linear_case({"kind": "grid", "spacing_m": "rest"}, any_size, job.steps, "job")
@@ -59,6 +59,7 @@ def _resolved(job: Job) -> ResolvedScene:
     soil = soil.model_copy(
         update={
             "law": soil.law.model_copy(update={"particle": row, "boundary": row}),
+            "engine": engine_name,
             "skin_m": job.skin_m,
             "particles": soil.particles.model_copy(
                 update={"radius_m": job.radius_m, "density_kg_per_m3": job.density_kg_per_m3}

@@ -22,6 +22,7 @@ from ..coupling.external import ExternalSoil, Machine
 from ..coupling.observer import RunObserver, RunWatch
 from ..coupling.run_settings import RunSettings
 from ..errors import InputError, RecordingError, SceneError, SubsoilError
+from ..extras import require
 from ..limits.stable_steps import Timing
 from ..loading.loader import ResolvedScene
 from ..recording.bag_writer import open_bag
@@ -258,7 +259,7 @@ def open_run(
         joins = resolved.scene.external_machine and machine is None
         motion_source = None if joins else build_motion_source(resolved, machine)
         external = build_soil(resolved, settings.threads, soil) if soil is not None else None
-        _refuse_start(resolved)
+        _refuse_start(resolved, settings.ranks)
         warnings += implausible(resolved)
         _prepare_bed(resolved, settings.threads, bed_progress)
     except SceneError as error:
@@ -283,13 +284,20 @@ def run_id_of(resolved: ResolvedScene) -> str:
     return resolved.scene_hash[:RUN_ID_DIGITS]
 
 
-def _refuse_start(resolved: ResolvedScene) -> None:
+def _refuse_start(resolved: ResolvedScene, ranks: int) -> None:
     """Check what particles would start from; without them none of their code is imported."""
-    if resolved.scene.particle_soil is None:
+    soil = resolved.scene.particle_soil
+    if ranks > 1 and (soil is None or soil.engine != "lammps"):
+        raise InputError(
+            f"--ranks: given {ranks}, but only soil.engine: 'lammps' has ranks; the soil here has --threads"
+        )
+    if soil is None:
         return
     from ..dem.packing.start import check_start
 
-    if resolved.scene.particle_soil.device == "gpu":
+    if soil.engine == "lammps":
+        require("soil.engine: 'lammps'", "lammps", "mpi4py")
+    if soil.device == "gpu":
         from ..dem.gpu.device import refuse_without_gpu
 
         refuse_without_gpu()

@@ -53,6 +53,7 @@ class RunOptions:
     """The options, by the names that they have everywhere."""
 
     threads: int = _option(1, "threads of the soil engine; results do not depend on it", "soil", (1, 1024))
+    ranks: int = _option(1, "ranks of MPI that compute the soil (soil.engine: lammps)", "soil", (1, 100_000))
     paused: bool = _option(
         False,
         "stand before the first tick until the coupler's services resume or step are called",

@@ -254,12 +254,21 @@ class SoilEngine(SoilReadings):
         state.restore(self._model, arrays)
         self._steps.from_host()
 
+    def close(self) -> None:
+        """End the other processes of the steps, if there are any; nothing may be called after it."""
+        if (close := getattr(self._steps, "close", None)) is not None:
+            close()
+
     def _wrenches(self) -> tuple[ToolWrench, ...]:
         return tuple(tool.wrench() for tool in self._state.tools)
 
 
 def _steps_of(model: SoilModel, state: SoilState, threads: int) -> Steps:
-    """Steps on the device that the scene names."""
+    """Steps in the engine and on the device that the scene names."""
+    if model.soil.engine == "lammps":
+        from .lammps.lammps_steps import LammpsSteps
+
+        return LammpsSteps(model, state, threads)
     if model.soil.device == "cpu":
         return CpuSteps(model, state, threads)
     from .gpu.gpu_steps import GpuSteps

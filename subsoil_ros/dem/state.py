@@ -1,7 +1,7 @@
 """What changes in a soil: its state holds all that later steps depend on, and nothing else."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -38,6 +38,8 @@ class SoilState:
     carried_joule: float = 0.0  # of soil that a window added, less that of soil it removed
     rebuild_count: int = 0
     strain: float = 0.0  # of an endless bed since the lists were built
+    restart_file: np.ndarray = field(default_factory=lambda: np.empty(0, np.uint8))
+    """(n,) bytes of LAMMPS's restart file, which has the contacts in place of the lists here; empty: none."""
 
     @classmethod
     def of(cls, model: SoilModel, particles: Particles, domain: Domain, origin: Origin) -> "SoilState":
@@ -86,6 +88,8 @@ class SoilState:
             "tool_work": np.array(self.tool_work_joule),
             "rebuilds": np.array(self.rebuild_count),
         }
+        if len(self.restart_file) > 0:
+            arrays["restart_file"] = self.restart_file
         parts = {f"tool.{tool.name}": tool.state_arrays() for tool in self.tools}
         if self.bonds is not None:
             parts["bonds"] = self.bonds.arrays()
@@ -112,6 +116,7 @@ class SoilState:
         self.wall_force = arrays["wall_force"]
         self.pair_book, self.wall_book = arrays["pair_book"], arrays["wall_book"]
         self.sinks = arrays["sinks"]
+        self.restart_file = arrays.get("restart_file", self.restart_file)
         self.tool_work_joule, self.rebuild_count = float(arrays["tool_work"]), int(arrays["rebuilds"])
         if self.monitor is not None:
             self.monitor.restore(below("watch", arrays))

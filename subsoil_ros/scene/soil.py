@@ -1,7 +1,7 @@
 """Soil of particles: bin, bed and contact law; layers, bonds, a window, monitors."""
 
 import math
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -137,6 +137,8 @@ else:
 
 Auto = Literal["auto"]
 
+_LAMMPS_LAWS = ("linear", "hertz_mindlin")
+
 
 class Soil(StrictModel):
     """Soil of particles (discrete elements)."""
@@ -152,6 +154,9 @@ class Soil(StrictModel):
     )
     precision: Literal["float64", "mixed"] = Field(
         "float64", description="mixed: all but positions and boundaries in float32."
+    )
+    engine: Literal["own", "lammps"] = Field(
+        "own", description="lammps: many ranks under MPI, with subsoil_ros[cluster] (docs/cluster.md)."
     )
     device: Literal["cpu", "gpu"] = Field("cpu", description="gpu: an NVIDIA one, with subsoil_ros[gpu].")
     skin_m: Positive = Field(0.003, description="of the neighbour lists; results do not depend on it.")
@@ -182,6 +187,49 @@ class Soil(StrictModel):
                 f"'{self.law.kind}'; use 'tiled' or 'grid', or law {' or '.join(linear)}"
             )
         return self
+
+    @model_validator(mode="after")
+    def _said_by_lammps(self) -> "Soil":
+        """Check that LAMMPS can compute the soil (docs/cluster.md)."""
+        if self.engine != "lammps":
+            return self
+        given = {
+            "device": (self.device, "cpu"),
+            "precision": (self.precision, "float64"),
+            "window": (self.window and "a window", None),
+            "bonds": (self.bonds and "bonds", None),
+            "monitors.max_energy_defect": (self.monitors and self.monitors.max_energy_defect, None),
+        }
+        for key, (value, allowed) in given.items():
+            if value != allowed:
+                words = "none: leave it out" if allowed is None else f"'{allowed}'"
+                raise ValueError(
+                    f"{key}: given {value}; under engine 'lammps' allowed is {words}, or use 'own'"
+                )
+        laws = [one.law for one in self.layers or () if one.law is not None]
+        for law in (self.law, *map(self.law.changed_by, laws)):
+            self._refuse_law_not_in_lammps(law)
+        return self
+
+    def _refuse_law_not_in_lammps(self, law: Any) -> None:
+        if law.kind not in _LAMMPS_LAWS:
+            raise ValueError(
+                f"law.kind: given '{law.kind}'; LAMMPS has {' and '.join(_LAMMPS_LAWS)}, and would need a "
+                "style of its own for cohesion across a gap or plastic contacts; use one of these, or engine 'own'"
+            )
+        for name in ("particle", "boundary"):
+            row = getattr(law, name)
+            if row.static_friction != row.sliding_friction:
+                raise ValueError(
+                    f"law.{name}.static_friction: given {row.static_friction:g} beside a sliding friction of "
+                    f"{row.sliding_friction:g}; LAMMPS has one number for both: make them equal, or use "
+                    "engine 'own'"
+                )
+            if law.kind == "hertz_mindlin" and row.rolling_friction > 0.0:
+                raise ValueError(
+                    f"law.{name}.rolling_friction: given {row.rolling_friction:g}; LAMMPS's rolling spring does not "
+                    "grow with a Hertz contact: make it 0, use law 'linear', or engine 'own'"
+                )
 
     @model_validator(mode="after")
     def _windowed_field(self) -> "Soil":

@@ -18,6 +18,7 @@ from ...coupling.run_settings import RunSettings
 from ...errors import InputError
 from ...extras import require, require_ros
 from ...loading.loader import ResolvedScene, load_scene
+from ...ros.process.mpi import mpiexec
 from ...ros.process.node_plan import checked_namespace, nodes_of
 from ...ros.process.supervisor import Supervisor, node_program, start_node
 from ...ros.transport.environment import check_environment
@@ -57,6 +58,7 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
     else:
         require_ros(f"--mode {args.mode}", "give --mode direct")
         check_environment()
+    _refuse_ranks(args)
     live = live_port(args.live)
     if live and not resolved.scene.record.bag:
         raise InputError("--live: shows what is recorded, and record.bag is false; add --set record.bag=true")
@@ -114,6 +116,16 @@ def _refuse_direct(args: argparse.Namespace, resolved: ResolvedScene) -> None:
         raise InputError("--paused: a direct run has no services to resume it; use --mode nodes or composed")
     needed_controller(resolved)
     refuse_unlike(resolved, None, None)
+
+
+def _refuse_ranks(args: argparse.Namespace) -> None:
+    """Raise InputError if ranks are asked for that cannot be started."""
+    if args.ranks > 1:
+        if args.mode != "nodes":
+            raise InputError(
+                f"--ranks: given {args.ranks}, but --mode {args.mode} has one process; use --mode nodes"
+            )
+        mpiexec()
 
 
 def _say_where_nodes_are(run: RunSettings, domain: int, namespace: str) -> None:

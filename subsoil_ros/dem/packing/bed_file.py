@@ -47,7 +47,7 @@ SOURCES = (
 """Code that a bed depends on."""
 
 _OF_THE_RUN = {
-    "time_step_s", "precision", "device", "skin_m", "max_tool_overlap_m", "max_lost_particles",
+    "time_step_s", "precision", "engine", "device", "skin_m", "max_tool_overlap_m", "max_lost_particles",
     "monitors", "bonds",
 }  # fmt: skip
 """Keys of the soil that its bed does not depend on."""

@@ -94,7 +94,14 @@ def smooth_soil(soil: Soil, *, adhesive: bool) -> Soil:
 def of_the_preparation(soil: Soil) -> dict[str, Any]:
     """Values of keys of a soil that the preparation sets itself: a bed serves runs of every kind."""
     skin = SKIN * soil.particles.mean_volume_radius_m
-    return {"skin_m": skin, "precision": "float64", "device": "cpu", "monitors": None, "bonds": None}
+    return {
+        "skin_m": skin,
+        "precision": "float64",
+        "engine": "own",
+        "device": "cpu",
+        "monitors": None,
+        "bonds": None,
+    }
 
 
 def _smooth_law(soil: Soil, *, adhesive: bool) -> ContactLaw:

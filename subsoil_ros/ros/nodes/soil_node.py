@@ -200,6 +200,12 @@ class SoilNode(LockstepNode):
             for part, engine in self._parts():
                 self._checkpoint_writer.keep(tick, part, engine)
 
+    def destroy_node(self) -> None:
+        """End the engine's other processes, if it has any, with the node."""
+        if (close := getattr(self._engine, "close", None)) is not None:
+            close()
+        super().destroy_node()
+
     def _publish_standard_messages(
         self, motions: tuple[ToolMotion, ...], wrenches: tuple[ToolWrench, ...], end_ns: int
     ) -> None:
@@ -218,6 +224,10 @@ def build(
         SceneError: the scene has no soil.
         InputError: the checkpoint to continue from does not fit.
     """
+    if run.ranks > 1:
+        from ...dem.lammps.ranks import refuse_other_count
+
+        refuse_other_count(run.ranks)
     engine = engine or build_soil(run.resolved, run.threads)
     if engine is None:
         raise SceneError(f"{run.resolved.path}: has no 'soil'; no soil node is needed for it")

@@ -22,6 +22,7 @@ from ...coupling.protocol import COUPLER, RECORDER
 from ...coupling.time_limits import CUT_PATIENCE_S, END_S, FAILED_END_S, KEEP_S, STARTUP_GRACE_S, VERDICT_S
 from ...errors import RunError
 from ..transport.shared_memory import sweep_shared_memory
+from .mpi import under_mpi
 from .node_plan import Parameters, ros_arguments
 
 _POLL_S = 0.05
@@ -51,6 +52,12 @@ class NodeProcess:
         except psutil.NoSuchProcess:
             return False
 
+    @property
+    def lost_rank(self) -> bool:
+        """Whether mpiexec ended it because one of its ranks was killed or failed."""
+        text = self.log.read_text(encoding="utf-8", errors="replace")
+        return "BAD TERMINATION" in text and not any(map(_LOGGED_ERROR.fullmatch, text.splitlines()))
+
     def send_stop(self, status: ExitStatus) -> None:
         """Send a stop request to the node."""
         self._send(json.dumps({"stop": status.reason, "exit_status": status.code}) + "\n")
@@ -66,6 +73,8 @@ class NodeProcess:
         errors = [found for line in lines if (found := _LOGGED_ERROR.fullmatch(line))]
         if errors:
             return f"{self.name}: {errors[-1]['words']}"
+        if self.lost_rank:
+            return f"{self.name}: a rank of MPI ended before the run did; its log is {self.log}"
         return lines[-1] if lines else "it left no message"
 
 
@@ -79,6 +88,9 @@ def start_node(
 ) -> NodeProcess:
     """Starts a node in a session of its own, so that a Ctrl-C of the terminal reaches only this process."""
     command = [sys.executable, *program, *ros_arguments(parameters, namespace)]
+    ranks = int(parameters.get("ranks", 1))
+    if ranks > 1:
+        command = under_mpi(command, ranks)
     environment = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", **os.environ, "ROS_DOMAIN_ID": str(domain)}
     with log.open("w", encoding="utf-8") as stream:
         popen = subprocess.Popen(
@@ -198,7 +210,8 @@ class Supervisor:
         may_tell = self._coupler.exit_status is None and not self._coupler.stands_still
         if may_tell and not over and time.monotonic() - since < VERDICT_S:
             return None
-        return ExitStatus(process.exit_status or RunError.exit_status, process.last_words())
+        code = RunError.exit_status if process.lost_rank else process.exit_status
+        return ExitStatus(code or RunError.exit_status, process.last_words())
 
     def _end_coupler(self, status: ExitStatus) -> None:
         """Request the coupler to abort the run so that the bag is closed in order, unless it has already

@@ -3,8 +3,8 @@
     python -m benchmarks.ranks [--particles 100000 1000000] [--ranks 1 2] [--steps 100] [--engines lammps own]
         [--json]
 
-A bed of the law `linear` of benchmarks.soil, laid out as a grid and stirred, whose steps compute nothing else.
-Time is wall time of the steps, memory the largest of all processes at their peak, added up.
+A bed of the law `linear` of benchmarks.soil, laid out as a grid and stirred; no tools. Time is wall time of
+the steps, memory the peak of every process, added up.
 """
 
 import argparse
@@ -97,9 +97,8 @@ def main() -> None:
     if args.json:
         print(json.dumps(lines))
         return
-    print(
-        f"{'engine':8}{'ranks or threads':>18}{'particles':>12}{'million particle-steps/s':>26}{'MB at peak':>12}"
-    )
+    print(f"{'engine':8}{'ranks or threads':>18}{'particles':>12}", end="")
+    print(f"{'million particle-steps/s':>26}{'MB at peak':>12}")
     for line in lines:
         speed = float(str(line["particle_steps_per_s"])) / 1e6
         print(f"{line['engine']:8}{line['at_once']:>18}{line['particles']:>12}{speed:>26.2f}", end="")

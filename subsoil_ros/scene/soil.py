@@ -215,7 +215,8 @@ class Soil(StrictModel):
         if law.kind not in _LAMMPS_LAWS:
             raise ValueError(
                 f"law.kind: given '{law.kind}'; LAMMPS has {' and '.join(_LAMMPS_LAWS)}, and would need a "
-                "style of its own for cohesion across a gap or plastic contacts; use one of these, or engine 'own'"
+                "style of its own for cohesion across a gap or plastic contacts; use one of these, or engine "
+                "'own'"
             )
         for name in ("particle", "boundary"):
             row = getattr(law, name)
@@ -227,8 +228,8 @@ class Soil(StrictModel):
                 )
             if law.kind == "hertz_mindlin" and row.rolling_friction > 0.0:
                 raise ValueError(
-                    f"law.{name}.rolling_friction: given {row.rolling_friction:g}; LAMMPS's rolling spring does not "
-                    "grow with a Hertz contact: make it 0, use law 'linear', or engine 'own'"
+                    f"law.{name}.rolling_friction: given {row.rolling_friction:g}; LAMMPS's rolling spring "
+                    "does not grow with a Hertz contact: make it 0, use law 'linear', or engine 'own'"
                 )
 
     @model_validator(mode="after")

@@ -125,6 +125,19 @@ def test_spheres_of_several_sizes_and_layers_keep_momentum_and_restitution():
     assert_allclose(-engine.velocities_m_per_s()[:, 2], wanted * SPEED, rtol=2e-3)
 
 
+def test_a_held_sphere_stays_where_it_is():
+    """Another one bounces off it with the restitution of a wall of its kind: -e v, of the mass of both."""
+    places = np.array(PAIR[0])
+    bed = Bed(places, (0.0, -0.1, -0.2), (0.3, 0.1), held=np.array([False, True]))
+    engine = SoilEngine(scene_of("lammps", {"law": UNDAMPED}), bed)
+    engine._steps.state.particles.velocity[0, 0] = SPEED
+    engine.start(())
+    for tick in range(60):
+        engine.advance(tick, ())
+    assert_allclose(engine.velocities_m_per_s()[:, 0], [-SPEED, 0.0], atol=2e-3 * SPEED)
+    assert_allclose(engine.positions_m()[1], places[1], rtol=0.0, atol=0.0)
+
+
 def test_a_tool_strikes_as_in_the_own_engine(tmp_path: Path):
     """A box that runs into a sphere: forces, and the sphere's motion; contacts are those of dem.tools."""
     mesh = box_mesh(tmp_path, 0.02, 0.04, 0.04)

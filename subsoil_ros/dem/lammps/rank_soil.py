@@ -217,7 +217,8 @@ class RankSoil:
         local = self._local()
         kinematics = Kinematics(local.position, local.velocity, local.angular_velocity)
         masses = Masses(local.mass, 0.4 * local.mass * local.radius**2)
-        loads = Loads(local.force, local.torque)
+        free = (local.type <= self._model.layers)[:, None]  # what is held feels forces, and stays
+        loads = Loads(local.force * free, local.torque * free)
         sums = half_step_sums(kinematics, loads, masses, self._model.step_s)
         return MotionSums(*self.comm.allreduce(np.array(sums)).tolist())
 

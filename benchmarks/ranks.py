@@ -34,7 +34,7 @@ def measured(particles: int, engine: str, at_once: int, steps: int) -> dict[str,
     assert soil is not None
     update = {"engine": engine, "monitors": None}
     case.resolved.scene.__dict__["soil"] = soil.model_copy(update=update)
-    apart = 2.0 * soil.particles.radius_m
+    apart = 2.0 * soil.particles.mean_volume_radius_m
     across = min(ACROSS, round(particles ** (1.0 / 3.0)))
     axes = [apart * (0.5 + np.arange(count)) for count in (particles // across**2, across, across)]
     x, y, z = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))

@@ -60,6 +60,7 @@ class SoilState:
     def forget_contacts(self, model: SoilModel) -> None:
         """Empty all lists but those of tools: no contact has a history."""
         self.pairs, self.walls, self.bonds = no_contacts(model, self.particles)
+        self.restart_file = self.restart_file[:0]
 
     def flush_books(self) -> None:
         """Add what was booked since the lists were built to `sinks`."""
@@ -116,7 +117,9 @@ class SoilState:
         self.wall_force = arrays["wall_force"]
         self.pair_book, self.wall_book = arrays["pair_book"], arrays["wall_book"]
         self.sinks = arrays["sinks"]
-        self.restart_file = arrays.get("restart_file", self.restart_file)
+        self.restart_file = arrays.get("restart_file", self.restart_file[:0])
+        if (model.soil.engine == "lammps") != (len(self.restart_file) > 0):
+            raise ValueError("the state is of the other soil.engine")
         self.tool_work_joule, self.rebuild_count = float(arrays["tool_work"]), int(arrays["rebuilds"])
         if self.monitor is not None:
             self.monitor.restore(below("watch", arrays))

@@ -140,6 +140,12 @@ Auto = Literal["auto"]
 _LAMMPS_LAWS = ("linear", "hertz_mindlin")
 
 
+def _lone_damper(row: Any) -> str:
+    """Key of a linear law that is 0 although there is a tangential damper; empty if there is none."""
+    keys = ("damping_newton_s_per_m", "tangential_stiffness_newton_per_m")
+    return next((key for key in keys if row.tangential_damping_newton_s_per_m and not getattr(row, key)), "")
+
+
 class Soil(StrictModel):
     """Soil of particles (discrete elements)."""
 
@@ -225,6 +231,13 @@ class Soil(StrictModel):
                     f"law.{name}.static_friction: given {row.static_friction:g} beside a sliding friction of "
                     f"{row.sliding_friction:g}; LAMMPS has one number for both: make them equal, or use "
                     "engine 'own'"
+                )
+            lone = "" if law.kind == "hertz_mindlin" else _lone_damper(row)
+            if lone:
+                raise ValueError(
+                    f"law.{name}.tangential_damping_newton_s_per_m: given "
+                    f"{row.tangential_damping_newton_s_per_m:g} beside a {lone} of 0, of which LAMMPS takes "
+                    "it as a part: make it 0 too, or use engine 'own'"
                 )
             if law.kind == "hertz_mindlin" and row.rolling_friction > 0.0:
                 raise ValueError(

@@ -27,10 +27,10 @@ _MARGIN_RADII = 4.0
 
 STYLES = (
     "units si", "atom_style sphere", "atom_modify map yes", "newton off", "comm_modify vel yes",
-    "processors * * 1",
+    "processors * * 1", "atom_modify sort 0 0.0",
 )  # fmt: skip
 """Commands before there is a box. Velocities go with ghosts: dashpots need them. Ranks share the field, not
-its depth."""
+its depth. Atoms are not sorted: LAMMPS 2025 reverses a rolling spring whose two atoms change their order."""
 
 
 def empty_box(model: SoilModel, domain: Domain) -> list[str]:

@@ -7,7 +7,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from ...errors import InputError
+from ...errors import InputError, PhysicsError, RunError
 from ...messages import ToolMotion
 from ..cpu_steps import CpuSteps
 from ..model import SoilModel
@@ -18,7 +18,7 @@ from ..step_checks import StepChecks
 from .commands import empty_box, laws, motion
 from .rank_soil import Columns, Layout
 from .rank_tools import ToolStart, history_numbers
-from .ranks import Ranks
+from .ranks import leader
 
 
 class LammpsSteps:
@@ -30,7 +30,7 @@ class LammpsSteps:
 
     def __init__(self, model: SoilModel, state: SoilState, threads: int) -> None:
         self._model, self.state, self._host = model, state, CpuSteps(model, state, threads)
-        self._ranks = Ranks()
+        self._ranks = leader()
         self._is_there = False  # the soil is in LAMMPS
         self._particles_are_there = False  # those here are old
         self._rebuilds = 0  # before the soil was laid out
@@ -39,8 +39,8 @@ class LammpsSteps:
         """Let the other ranks end."""
         self._ranks.close()
 
-    def _lay_out(self) -> None:
-        """Put the state into LAMMPS."""
+    def _lay_out(self) -> np.ndarray:
+        """Put the state into LAMMPS, and compute its forces. Returns what RankSoil.run does."""
         model, state = self._model, self.state
         p, bed = state.particles, state.domain.bed
         radius = p.radius if p.unequal else np.full(p.count, model.radius_m)
@@ -69,10 +69,11 @@ class LammpsSteps:
             )  # fmt: skip
             self._ranks.call("lay_out", layout, here=columns if restart is None else None)
         self._is_there, self._rebuilds = True, state.rebuild_count
+        loads: np.ndarray = self._ranks.call("first_forces", tuple(tool.last for tool in state.tools))
         if restart is not None:
-            self._ranks.call("first_forces", tuple(tool.last for tool in state.tools))
             self._ranks.call("put_loads", here=columns)
         state.restart_file = np.empty(0, np.uint8)
+        return loads
 
     def particles(self) -> Particles:
         """See Steps."""
@@ -108,9 +109,7 @@ class LammpsSteps:
 
     def first_forces(self, motions: tuple[ToolMotion, ...]) -> None:
         """See Steps."""
-        self._lay_out()
-        loads = self._ranks.call("first_forces", motions)
-        self._load_tools(loads[0], motions)
+        self._load_tools(self._lay_out()[0], motions)
         for tool in self.state.tools:
             tool.sinks_joule[:] = 0.0
         self._particles_are_there = True
@@ -124,11 +123,22 @@ class LammpsSteps:
             end = checks.first_refused(tick, done, way)
             if monitor is not None:
                 end = min(end, done + monitor.steps_until_due())
-            loads = self._ranks.call("run", way[done:end])
             self._particles_are_there = True
+            try:
+                loads = self._ranks.call("run", way[done:end])
+            except PhysicsError as error:
+                raise PhysicsError(f"{checks.where(tick, done + 1)}: {error}") from error
+            except RunError as error:
+                advice = "perhaps soil.time_step_s is too large"
+                raise RunError(f"{checks.where(tick, done + 1)}: {error}; {advice}") from error
             for s in range(done, end):
                 if s + 1 == self._model.soil_steps:
                     checks.keep_last_step_only()
+                if (
+                    monitor is not None
+                    and self._rebuilds + int(loads[s - done][-1]) > self.state.rebuild_count
+                ):
+                    monitor.note_rebuild()
                 self._load_tools(loads[s - done], way[s])
                 checks.end(tick, s + 1)
             done = end
@@ -164,6 +174,8 @@ class LammpsSteps:
 
     def contacts(self) -> tuple[int, float]:
         """See Steps."""
+        if not self._is_there and len(self.state.restart_file) > 0:
+            self._lay_out()
         if self._is_there:
             count, largest = self._ranks.call("contacts")
             return count, largest

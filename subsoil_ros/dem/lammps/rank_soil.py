@@ -97,10 +97,16 @@ class RankSoil:
 
     def _create(self, particles: Columns | None) -> None:
         ends = (self._lammps.extract_global("sublo"), self._lammps.extract_global("subhi"))
-        boxes, parts = self.comm.gather(ends), None
-        if particles is not None:
-            parts = [particles.rows(np.flatnonzero(_inside(particles.position, *ends))) for ends in boxes]
-        mine: Columns = self.comm.scatter(parts)
+        boxes = self.comm.gather(ends)
+        if particles is None:
+            mine: Columns = self.comm.recv(source=0)
+        else:
+            for rank in range(1, self.comm.size):  # one at a time: they may be a good part of the memory
+                inside = _inside(particles.position, *boxes[rank])
+                self.comm.send(particles.rows(np.flatnonzero(inside)), dest=rank)
+            mine = particles
+            if self.comm.size > 1:
+                mine = particles.rows(np.flatnonzero(_inside(particles.position, *boxes[0])))
         self._lammps.create_atoms(len(mine.tag), mine.tag, mine.type, mine.position.ravel())
         local, order = self._local(), np.argsort(mine.tag)
         rows = order[np.searchsorted(mine.tag, local.tag, sorter=order)]

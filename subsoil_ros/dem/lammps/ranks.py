@@ -60,7 +60,7 @@ class Ranks:
 
     def close(self) -> None:
         """Let the other ranks end; none may be called any more."""
-        if self.comm.size > 1 and not self._closed:
+        if not self._closed and self.comm.size > 1:
             from mpi4py import MPI
 
             self._closed = True

@@ -20,7 +20,7 @@ from .window import Window
 
 
 def prepare_bed(resolved: ResolvedScene, threads: int = 1, on_progress: OnProgress = ignore_progress) -> Bed:
-    """The bed of the scene's soil, or the first window of its field.
+    """The bed of the scene's soil, the first window of its field or, for LAMMPS, the whole of it.
 
     A bed that takes long to prepare is kept in the user's cache folder and taken from there the next time;
     `on_progress` receives the progress of its preparation.
@@ -39,7 +39,7 @@ def prepare_bed(resolved: ResolvedScene, threads: int = 1, on_progress: OnProgre
         return read_bed(Path(soil.bed.file), soil)
     if soil.window is not None:
         field = Field(cached_field_sample(resolved, threads, on_progress), soil)
-        return field.bed(*field.first_window)
+        return field.bed(*(field.first_window if soil.moving_window is not None else (0, field.count)))
     refuse_narrow_period(nominal_box(soil), soil)
     path = bed_path(resolved)
     kept = load_bed(path, soil)
@@ -64,7 +64,7 @@ def build_engine(resolved: ResolvedScene, threads: int = 1, *, book: bool = Fals
         raise InputError(f"{resolved.path}: has no 'soil', so it needs no soil engine")
     refuse_threads(threads)
     window = None
-    if soil.window is not None:
+    if soil.moving_window is not None:
         window = Window(Field(cached_field_sample(resolved, threads), soil))
         bed = window.field.bed(*window.field.first_window)
     else:

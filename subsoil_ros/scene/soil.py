@@ -184,6 +184,11 @@ class Soil(StrictModel):
         None, description="that left the bin; the run stops beyond it; default: one in a thousand."
     )
 
+    @property
+    def moving_window(self) -> SoilWindow | None:
+        """The window, if it moves: LAMMPS gets the whole field at once."""
+        return self.window if self.engine == "own" else None
+
     @model_validator(mode="after")
     def _bed_of_linear_springs(self) -> "Soil":
         if isinstance(self.bed, DenseRandomBed) and not self.law.linear_springs:
@@ -202,7 +207,6 @@ class Soil(StrictModel):
         given = {
             "device": (self.device, "cpu"),
             "precision": (self.precision, "float64"),
-            "window": (self.window and "a window", None),
             "bonds": (self.bonds and "bonds", None),
             "monitors.max_energy_defect": (self.monitors and self.monitors.max_energy_defect, None),
         }

@@ -17,6 +17,8 @@ from subsoil_ros.dem.lammps import rank_tools
 from subsoil_ros.errors import PhysicsError, SceneError
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import ToolMotion
+from tests.physics.conftest import SoilMaker
+from tests.physics.test_field import driven, field
 from tests.soils import DRY, ELASTIC, LINEAR
 from validation.laboratory import box_mesh
 
@@ -236,3 +238,15 @@ def test_cohesion_is_refused():
         SceneError, match=r"law\.kind: given 'cohesive_linear'; LAMMPS has linear and hertz_mindlin"
     ):
         load_scene({"name": "loam", "duration_s": 1.0, "soil": soil | {"bed": {"seed": 1}}})
+
+
+def test_the_whole_field_of_a_window_is_laid_out(soil: SoilMaker):
+    """Held sides and floor; the first forces on a bar are those of the own engine in its window."""
+    found = []
+    for engine in ("own", "lammps"):
+        scene = field(soil, engine=engine, law=law(), monitors=None)
+        made, wrenches = driven(scene, ticks=30)
+        found.append((made.particle_count, np.array([wrench[0].force_x_newton for wrench in wrenches])))
+    (part, own), (whole, theirs) = found
+    assert whole > 3 * part
+    assert_allclose(theirs, own, atol=0.02 * np.abs(own).max())

@@ -102,8 +102,8 @@ def particle_rows(resolved: ResolvedScene, soil: Soil, count: int) -> Iterable[t
             fitted += " fitted to the bed"
         box = "bin" if soil.window is None else "field"
         yield box, f"{size.length_m:g} x {size.width_m:g} x {size.depth_m:g} m, {fitted}"
-        if soil.window is not None:
-            yield "window", _window(resolved, soil, soil.window)
+        if soil.moving_window is not None:
+            yield "window", _window(resolved, soil, soil.moving_window)
         return
     nx, ny, nz = grid_shape(soil)
     bed = prepare_grid(soil, resolved.scene.gravity_m_per_s2)

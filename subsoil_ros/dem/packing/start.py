@@ -73,8 +73,8 @@ def expected_dense_count(soil: Soil, tools_m: float = 0.0) -> int:
     """Particles of a random bed before tools remove any, within 2 % (several sizes: 5 %, tiled: 15 %); in a
     window, about tools of this length."""
     length = soil.bin.length_m
-    if soil.window is not None:
-        length = min(length, soil.window.ahead_m + tools_m + soil.window.behind_m)
+    if (window := soil.moving_window) is not None:
+        length = min(length, window.ahead_m + tools_m + window.behind_m)
     x = np.linspace(0.0, soil.bin.length_m, 1001)
     depth = soil.bin.depth_m + float(profile_m(soil.surface, x).mean())
     volume = length * soil.bin.width_m * depth

@@ -1,4 +1,4 @@
-"""What a device computes of a soil: the contract that dem.cpu_steps and dem.gpu.gpu_steps meet."""
+"""What a device computes of a soil: the contract of dem.cpu_steps, dem.gpu and dem.lammps."""
 
 from collections.abc import Sequence
 from typing import Protocol

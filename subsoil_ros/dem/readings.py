@@ -3,6 +3,7 @@
 import numpy as np
 
 from .. import messages
+from ..errors import InputError
 from ..messages import LostParticle, SoilCloud
 from .bed import Bed
 from .blocks import history_places
@@ -96,6 +97,8 @@ class SoilReadings:
 
     def contact_histories(self) -> tuple[np.ndarray, np.ndarray]:
         """(p, 2) numbers in the prepared bed of the listed pairs, and (p, components) their histories."""
+        if self._model.soil.engine != "own":
+            raise InputError("soil.engine: 'lammps' keeps histories to itself; use 'own'")
         state = self.whole_state()
         pairs, identity = state.pairs, state.particles.identity
         rows, neighbour = pairs.row_start, pairs.neighbour

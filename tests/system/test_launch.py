@@ -200,7 +200,7 @@ def test_other_modes_are_left_to_subsoil_run(start: Callable[..., list[Taken]], 
     assert process.cmd[1:] == [
         "-m", "subsoil_ros.cli.main", "run", str(MACHINE), "--out", str(tmp_path / "out"),
         "--mode", "composed",
-        "--namespace=/field", "--threads=1", "--paused", "--resume", "runs/before",
+        "--namespace=/field", "--threads=1", "--ranks=1", "--paused", "--resume", "runs/before",
         "--set", "duration_s=0.1", "--set", "gravity_m_per_s2=9.8",
     ]  # fmt: skip
     assert not (tmp_path / "out").exists()

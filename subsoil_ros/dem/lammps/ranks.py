@@ -51,12 +51,12 @@ class Ranks:
             self.comm.send((name, arguments + tuple(None for _ in extra)), dest=rank)
         self._waits = False
         try:
-            return getattr(self.soil, name)(*arguments, *extra)
+            found = getattr(self.soil, name)(*arguments, *extra)
         except (PhysicsError, RunError):  # on every rank
             self._waits = True
             raise
-        finally:
-            self._waits |= sys.exc_info()[0] is None
+        self._waits = True
+        return found
 
     def close(self) -> None:
         """Let the other ranks end; none may be called any more."""

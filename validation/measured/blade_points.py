@@ -118,8 +118,8 @@ def verdict() -> Iterator[str]:
     apart = max(max(two) / min(two) for two in both.values())
     larger = [_mean(both[place]) / point.measured for place, point in zip(sorted(both), found, strict=True)]
     yield (
-        f"Blades: {len(off)} rows of 8, mean absolute error {np.mean(list(off.values())):.0%}, without the "
-        f"suspect row {np.mean(trusted):.0%} (below 15 %); readings up to {apart:.2f} apart (1.6). Particles "
+        f"Blades: {len(off)} rows of 8, mean absolute error {np.mean(list(off.values())):.1%}, without the "
+        f"suspect row {np.mean(trusted):.1%} (below 15 %); readings up to {apart:.2f} apart (1.6). Particles "
         f"of {1e3 * RADIUS_M:g} mm, without the factor of the grain, over measured: "
         + ", ".join(f"{ratio:.2f}" for ratio in larger)
         + "."

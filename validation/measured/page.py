@@ -48,7 +48,7 @@ def errors(found: Sequence[Point]) -> Iterator[str]:
 
 def _mean_off(pairs: Iterable[tuple[float, float]]) -> str:
     off = [abs(found / measured - 1.0) for found, measured in pairs]
-    return f"{np.mean(off):.0%}" if off else "-"
+    return f"{np.mean(off):.1%}" if off else "-"
 
 
 def rows(found: Sequence[Point]) -> Iterator[str]:

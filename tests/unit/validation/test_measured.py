@@ -201,7 +201,7 @@ def test_the_report_follows_the_rules(monkeypatch):
     (point,) = blade_points.points()
     assert (point.measured, point.predicted) == (100.0, pytest.approx(120.0))  # sqrt(80 x 180)
     words = "\n".join(blade_points.verdict())
-    assert "1 rows of 8, mean absolute error 20%" in words
+    assert "1 rows of 8, mean absolute error 20.0%" in words
     assert "2.25 apart" in words
     assert "$F_0$ 180 +-" in words
 

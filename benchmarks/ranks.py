@@ -1,13 +1,13 @@
 """Cost of a soil in LAMMPS by its particles and ranks, beside this engine on as many threads.
 
     python -m benchmarks.ranks [--particles 100000 1000000] [--ranks 1 2] [--steps 100] [--engines lammps own]
-        [--json]
 
 A bed of the law `linear` of benchmarks.soil, laid out as a grid and stirred; no tools. Time is wall time of
 the steps, memory the peak of every process, added up.
 """
 
 import argparse
+import dataclasses
 import json
 import resource
 import subprocess
@@ -32,8 +32,8 @@ def measured(particles: int, engine: str, at_once: int, steps: int) -> dict[str,
     case = linear_case({"kind": "grid", "spacing_m": "rest"}, (1.0, 1.0, 1.0), steps, "ranks")
     soil = case.resolved.scene.particle_soil
     assert soil is not None
-    update = {"engine": engine, "monitors": None}
-    case.resolved.scene.__dict__["soil"] = soil.model_copy(update=update)
+    soil = soil.model_copy(update={"engine": engine, "monitors": None})
+    scene = case.resolved.scene.model_copy(update={"soil": soil})
     apart = 2.0 * soil.particles.mean_volume_radius_m
     across = min(ACROSS, round(particles ** (1.0 / 3.0)))
     axes = [apart * (0.5 + np.arange(count)) for count in (particles // across**2, across, across)]
@@ -41,7 +41,9 @@ def measured(particles: int, engine: str, at_once: int, steps: int) -> dict[str,
     places = np.stack((x, y - 0.5 * apart * across, z - apart * across), axis=1)
     lower = (0.0, -0.5 * apart * across, -apart * across)
     bed = Bed(places, lower, (float(x.max()) + 0.5 * apart, 0.5 * apart * across))
-    found = SoilEngine(case.resolved, bed, at_once if engine == "own" else 1)
+    found = SoilEngine(
+        dataclasses.replace(case.resolved, scene=scene), bed, at_once if engine == "own" else 1
+    )
     found.place(places, stirred_velocities(len(places)))
     found.start(())
     for tick in range(3):
@@ -60,7 +62,7 @@ def measured(particles: int, engine: str, at_once: int, steps: int) -> dict[str,
     }  # fmt: skip
 
 
-def apart(particles: int, engine: str, at_once: int, steps: int) -> dict[str, object]:
+def measured_alone(particles: int, engine: str, at_once: int, steps: int) -> dict[str, object]:
     """The same in processes of their own, so that memory is of this line alone."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "line.json"
@@ -73,7 +75,7 @@ def apart(particles: int, engine: str, at_once: int, steps: int) -> dict[str, ob
 
 
 def main() -> None:
-    """Prints a table, or JSON."""
+    """Prints a table."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -81,7 +83,6 @@ def main() -> None:
     parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2])
     parser.add_argument("--engines", nargs="+", default=["own", "lammps"])
     parser.add_argument("--steps", type=int, default=100)
-    parser.add_argument("--json", action="store_true", help="print one JSON list instead of a table")
     parser.add_argument("--one", nargs=5, help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.one:
@@ -89,14 +90,11 @@ def main() -> None:
         Path(out).write_text(json.dumps(measured(int(particles), engine, int(at_once), int(steps))))
         return
     lines = [
-        apart(particles, engine, at_once, args.steps)
+        measured_alone(particles, engine, at_once, args.steps)
         for particles in args.particles
         for at_once in args.ranks
         for engine in args.engines
     ]
-    if args.json:
-        print(json.dumps(lines))
-        return
     print(f"{'engine':8}{'ranks or threads':>18}{'particles':>12}", end="")
     print(f"{'million particle-steps/s':>26}{'MB at peak':>12}")
     for line in lines:

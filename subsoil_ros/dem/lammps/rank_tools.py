@@ -103,9 +103,8 @@ class RankTools:
         loads = []
         new = self._known != (rebuilds, len(local.tag))
         self._known = (rebuilds, len(local.tag))
-        allowed = (
-            TOOL_SKIN - 1.0
-        ) * self._model.soil.skin_m  # a particle may pass a skin between two searches
+        # between two searches a particle may pass a whole skin: LAMMPS's lists are built at other times
+        allowed = (TOOL_SKIN - 1.0) * self._model.soil.skin_m
         for number, (tool, near, motion) in enumerate(zip(self.tools, self._near, motions, strict=True), 1):
             if new or near.step_s != step_s or tool.moved_m(motion) > allowed:
                 self._search(number, tool, near, motion, local, step_s)
@@ -135,9 +134,8 @@ class RankTools:
     ) -> None:
         """Find the particles near a tool at `motion`."""
         model, reach, at = self._model, self._model.tool_reach_m, tool.kernel_motion(motion)
-        low, high = (
-            end + sign * reach for end, sign in zip(_bounds_m(tool, motion), (-1.0, 1.0), strict=True)
-        )
+        vertices = tool.world_m(motion)
+        low, high = vertices.min(axis=0) - reach, vertices.max(axis=0) + reach
         about = np.flatnonzero(((local.position > low) & (local.position < high)).all(axis=1))
         facet_start, facet = np.zeros(1, np.int64), np.empty(0, np.int32)
         if len(about) > 0:
@@ -171,19 +169,6 @@ class RankTools:
             materials = (local.type[rows].astype(np.int64) - 1) % model.layers
             p.make_unequal(local.radius[rows].copy(), materials, model.density_kg_per_m3)
         return p
-
-
-def _bounds_m(tool: ToolSurface, motion: ToolMotion) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest corner (3,) of the box about a tool at `motion` [m]."""
-    if tool.spatial:
-        vertices = tool.world_m(motion)
-    else:
-        x, z, cosine, sine = tool.kernel_motion(motion)[:4]
-        own_x, own_y, own_z = tool.mesh.vertices_m.T
-        vertices = np.stack(
-            (x + cosine * own_x - sine * own_z, own_y, z + sine * own_x + cosine * own_z), axis=1
-        )
-    return vertices.min(axis=0), vertices.max(axis=0)
 
 
 class _Candidates:

@@ -82,7 +82,13 @@ class ToolSurface:
         return kernel_motion(motion, self.reference_angle_rad)
 
     def world_m(self, motion: ToolMotion) -> np.ndarray:
-        """Vertices (v, 3) in the world, of a tool that moves in space."""
+        """Vertices (v, 3) in the world."""
+        if not self.spatial:
+            x, z, cosine, sine = self.kernel_motion(motion)[:4]
+            own_x, own_y, own_z = self.mesh.vertices_m.T
+            return np.stack(
+                (x + cosine * own_x - sine * own_z, own_y, z + sine * own_x + cosine * own_z), axis=1
+            )
         return placed_m(self.mesh.vertices_m, motion.position_m, motion.quaternion)
 
     def search(

@@ -158,6 +158,7 @@ def test_a_tool_strikes_as_in_the_own_engine(tmp_path: Path):
         for tick in range(120):
             motion = ToolMotion("box", 0.1 + 0.5 * 5e-5 * (tick + 1), 0.0, -0.1, 0.0, 0.5, 0.0, 0.0)
             (wrench,) = engine.advance(tick, (motion,))
+            engine.state_arrays()  # after it LAMMPS searches the particles near the tool anew
             forces.append([wrench.force_x_newton, wrench.torque_y_newton_m, wrench.work_joule])
         found.append((np.array(forces), engine.velocities_m_per_s(), engine.angular_velocities_rad_per_s()))
     for own, theirs in zip(*found, strict=True):

@@ -25,6 +25,7 @@ EXTRA_OF = {
     "pyarrow": "study",
     "pyvista": "render",
     "vtkmodules": "render",
+    "yourdfpy": "urdf",
 }
 """Extra of setup.cfg by the module that it installs."""
 

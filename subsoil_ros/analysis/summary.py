@@ -72,6 +72,18 @@ class KnownMean(StrictModel):
     travel_m: float = Field(description="Of the share tip up to the check.")
 
 
+class Followed(StrictModel):
+    """How the soil followed a machine that waits for nobody."""
+
+    start_ns: int = Field(description="Stamp of the machine at the end of the first tick.")
+    end_ns: int = Field(description="Stamp of the machine at the end of the run.")
+    skipped_s: Number = Field(description="Time of the machine that the soil left out.")
+    skips: int
+    refused: dict[str, int] = Field(description="Poses that were not used, by cause.")
+    leaps: int | None = Field(None, description="Of tools, which then entered the soil anew.")
+    removed_particles: int | None = Field(None, description="Particles that these tools overlapped.")
+
+
 class RunFacts(StrictModel):
     """Facts of a run that no bag holds; a later report copies them from the earlier summary."""
 
@@ -82,6 +94,7 @@ class RunFacts(StrictModel):
     soil: str | None = Field(None, description="Name in the file that soil.material names.")
     whole_wall_s: Number = Field(None, description="With start-up and compilation.")
     stop_when: KnownMean | None = None
+    followed: Followed | None = None
     versions: dict[str, str] | None = None
     resumed_from: ResumedFrom | None = None
     checkpoint: NewestCheckpoint | None = None

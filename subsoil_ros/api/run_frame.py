@@ -25,6 +25,7 @@ from ..errors import InputError, RecordingError, SceneError, SubsoilError
 from ..extras import require
 from ..limits.stable_steps import Timing
 from ..loading.loader import ResolvedScene
+from ..messages import RunRecord
 from ..recording.bag_writer import open_bag
 from ..recording.checkpoint import Checkpoint
 from ..recording.joined import recover_earlier
@@ -67,7 +68,7 @@ def simulate(
     Args:
         settings: the bag is closed whatever happens.
         motion_source, soil, controller: replace those of the scene.
-        sink: takes the records where there is no bag.
+        sink: takes the records, after the bag if there is one.
         observer: receives each tick and each check, and may end the run.
 
     Raises:
@@ -91,7 +92,7 @@ def simulate(
         run_direct(
             settings,
             engines,
-            writer or sink,
+            _Both(writer, sink) if writer is not None and sink is not None else writer or sink,
             observer,
             stop_rule=build_stop_rule(resolved, resumed),
             checkpoint_writer=checkpoint_writer,
@@ -99,6 +100,18 @@ def simulate(
     finally:
         if writer is not None:
             writer.close()
+
+
+@dataclass(frozen=True)
+class _Both:
+    """Passes records on to two sinks."""
+
+    first: RecordSink
+    second: RecordSink
+
+    def write(self, record: RunRecord) -> None:
+        self.first.write(record)
+        self.second.write(record)
 
 
 Reading = Callable[[Timing], AbstractContextManager[Callable[[int], None]]]
@@ -225,6 +238,7 @@ class RunFrame:
         if settings.resolved.material is not None:
             facts["soil"] = settings.resolved.material.soil.name
         facts |= {"stop_when": watch.stop_when} if watch.stop_when else {}
+        facts |= {"followed": watch.followed} if watch.followed else {}
         facts |= {"versions": versions()} | checkpoint_facts(self.out, settings.resumed)
         summary = write_results(settings.resolved, self.out, facts, failure, reading=reading, working=working)
         return summary, failure

@@ -8,6 +8,7 @@ exchange creates or loses.
 from dataclasses import dataclass
 
 from ..errors import PhysicsError
+from ..leaps import entry
 from ..messages import CouplingReport, ToolMotion, ToolWrench, work_joule
 from ..scene.scene import Scene
 from ..ticks import tick_end_ns
@@ -62,6 +63,7 @@ class InterfaceAccount:
         bound: largest residual, as a part of the absolute work; None: no check.
         grace_joule: absolute work below which the bound is not applied.
         work: the account so far, in a resumed run.
+        leaps_within_s: duration of a tick where tools may leap, which no force moves; else None.
     """
 
     def __init__(
@@ -71,7 +73,9 @@ class InterfaceAccount:
         bound: float | None,
         grace_joule: float,
         work: InterfaceWork | None = None,
+        leaps_within_s: float | None = None,
     ) -> None:
+        self._leaps_within_s = leaps_within_s
         self._motions = motions
         self._wrenches = wrenches
         self._bound = bound
@@ -82,7 +86,9 @@ class InterfaceAccount:
         """Add a finished tick, its motions and wrenches; return the account."""
         held = soil = absolute = 0.0
         for wrench, before, after in zip(self._wrenches, self._motions, motions, strict=True):
-            held += held_work_joule(wrench, before, after)
+            interval_s = self._leaps_within_s
+            start = entry(before, after, interval_s) if interval_s is not None else None
+            held += held_work_joule(wrench, start or before, after)
         for wrench in wrenches:
             soil += wrench.work_joule
             absolute += abs(wrench.work_joule)
@@ -129,13 +135,16 @@ def account_of(
     scene: Scene,
     motions: tuple[ToolMotion, ...],
     wrenches: tuple[ToolWrench, ...],
+    step_s: float,
     work: InterfaceWork | None = None,
 ) -> InterfaceAccount:
-    """The interface account of a scene, from the initial exchange, or from a checkpoint.
+    """The interface account of a scene, from the initial exchange, or from a checkpoint; step_s: of a tick.
 
-    The bound applies where forces change the motion: not to tools on prescribed paths.
+    The bound applies where forces change the motion: not to tools on prescribed paths, nor to those that may
+    leap, which follow a machine that waits for no force.
     """
     coupling = scene.coupling
     free = any(tool.inertia_kg_m2 is not None for tool in scene.tools.values())
-    bound = coupling.residual_bound if scene.moved_by_participant or free else None
-    return InterfaceAccount(motions, wrenches, bound, coupling.residual_grace_joule, work)
+    leaps = step_s if scene.may_leap else None
+    bound = coupling.residual_bound if (scene.moved_by_participant and not leaps) or free else None
+    return InterfaceAccount(motions, wrenches, bound, coupling.residual_grace_joule, work, leaps)

@@ -28,6 +28,7 @@ class RunWatch(RunObserver):
     def __init__(self, show: Callable[[int], None] = lambda tick: None) -> None:
         self.started = False
         self.stop_when: Document = {}
+        self.followed: Document = {}  # of a run that follows a machine, in the form of summary.json
         self.signals: list[int] = []
         self.show = show
 

@@ -58,8 +58,10 @@ class TickRules:
     ) -> None:
         self.schedule = settings.schedule
         self.state = state
-        self.account = account_of(settings.resolved.scene, state.motions, state.wrenches, state.work)
-        self._run_id, self._step_ns = settings.run_id, settings.resolved.timing.communication_step_ns
+        scene, timing = settings.resolved.scene, settings.resolved.timing
+        step_s = timing.communication_step_s
+        self.account = account_of(scene, state.motions, state.wrenches, step_s, state.work)
+        self._run_id, self._step_ns = settings.run_id, timing.communication_step_ns
         self._observer, self._stop_rule, self._writer = observer, stop_rule, checkpoint_writer
         self._added = state  # the tick to check next
         self._uncommitted: deque[CouplingState] = deque()

@@ -12,7 +12,7 @@ class EnergyBook:
     stored_joule: float  # in contacts: normal, tangential and rolling springs
     sinks_joule: dict[str, float]  # by name: ContactLaw.sinks, and those of bonds
     tool_work_joule: float  # done by the tools on the soil
-    carried_joule: float = 0.0  # of soil that a window added, less that of soil it removed
+    carried_joule: float = 0.0  # of soil that was added, less that of soil removed
 
     @property
     def total_joule(self) -> float:

@@ -4,7 +4,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..errors import InputError, SceneError
+from ..errors import InputError, PhysicsError, SceneError
+from ..leaps import entry
 from ..limits.stable_steps import DENSE_COORDINATION, SAFETY, step_limits
 from ..loading.loader import ResolvedScene
 from ..messages import ToolMotion, ToolWrench
@@ -21,7 +22,7 @@ from .state import SoilState
 from .step_checks import StepChecks
 from .steps import Steps
 from .tools.motion import motion_within, refuse_other_kind
-from .tools.surface import surfaces
+from .tools.surface import ToolSurface, surfaces
 from .window import Window
 
 
@@ -51,6 +52,7 @@ class SoilEngine(SoilReadings):
     ) -> None:
         refuse_threads(threads)
         self._resolved, self._threads, self.window = resolved, threads, window
+        self._may_leap = resolved.scene.may_leap
         self._model = soil_model(resolved, bed, book=book)
         refuse_narrow_period(bed, self._model.soil)
         self._prepared = bed
@@ -191,11 +193,11 @@ class SoilEngine(SoilReadings):
         use_threads(self._threads)
         tools, timing = self._state.tools, self._resolved.timing
         duration_s, steps = timing.communication_step_s, timing.soil_steps
-        starts = tuple(tool.last for tool in tools)
-        for start, end in zip(starts, motions, strict=True):
-            refuse_other_kind(f"tick {tick}", start, end, duration_s)
+        for tool, end in zip(tools, motions, strict=True):
+            refuse_other_kind(f"tick {tick}", tool.last, end, duration_s)
         if self.window is not None:
             self._follow(self.window, tick, motions)
+        starts = self._starts(f"tick {tick}", motions)
         for tool in tools:
             tool.begin_tick()
         way = [
@@ -204,6 +206,50 @@ class SoilEngine(SoilReadings):
         ]
         self._steps.advance(tick, way, self._checks)
         return self._wrenches()
+
+    def _starts(self, where: str, motions: tuple[ToolMotion, ...]) -> tuple[ToolMotion, ...]:
+        """Where the tools are at the start of a tick; one that leaps enters the soil there."""
+        tools = self._state.tools
+        if self._may_leap:
+            leapt = []
+            for tool, motion in zip(tools, motions, strict=True):
+                if (
+                    start := entry(tool.last, motion, self._resolved.timing.communication_step_s)
+                ) is not None:
+                    leapt.append(tool)
+                    tool.enter(start)
+            if leapt:
+                self._remove_overlapped(where, leapt)
+        return tuple(tool.last for tool in tools)
+
+    def _remove_overlapped(self, where: str, tools: list[ToolSurface]) -> None:
+        """Remove the particles that these tools overlap, and build all lists anew.
+
+        Raises:
+            PhysicsError: the tools overlap all particles.
+        """
+        model, host = self._model, self._steps.to_host()
+        before = self.energy().total_joule if model.booked else 0.0
+        state = host.state
+        p = state.particles
+        clearance_m, kept = model.clearance_m(p), np.ones(p.count, np.bool_)
+        for tool in tools:
+            kept[tool.overlapped(p, clearance_m)] = False
+        if not kept.any():
+            raise PhysicsError(f"{where}: after a leap the tools overlap every particle; look at their poses")
+        came_from = np.flatnonzero(kept)
+        p.reorder(came_from)
+        host.rebuild(tuple(tool.last for tool in state.tools), came_from)
+        fresh = np.ones(p.count, np.bool_)
+        for tool in state.tools:
+            if tool not in tools:
+                fresh[tool.near.particle] = False  # these keep the forces of tools that did not leap
+        host.forces_on(fresh)
+        self._steps.from_host()
+        state.leaps += len(tools)
+        state.removed += int((~kept).sum())
+        if model.booked:
+            state.carried_joule += self.energy().total_joule - before
 
     def _follow(self, window: Window, tick: int, motions: tuple[ToolMotion, ...]) -> None:
         """Move the window to where it covers the way of the tools through the tick."""
@@ -232,7 +278,11 @@ class SoilEngine(SoilReadings):
         state = self.whole_state()
         arrays = state.arrays() | {"bed": state.origin.digest()}
         if self.window is not None:
-            arrays |= self.window.arrays() | {"carried_joule": np.array(state.carried_joule)}
+            arrays |= self.window.arrays()
+        if self._comes_and_goes:
+            arrays["carried_joule"] = np.array(state.carried_joule)
+        if self._may_leap:
+            arrays["leaps"] = np.array((state.leaps, state.removed))
         return arrays
 
     def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
@@ -247,7 +297,10 @@ class SoilEngine(SoilReadings):
         if self.window is not None:
             self.window.restore(arrays)
             self.window.enter(state)
+        if self._comes_and_goes:
             state.carried_joule = float(arrays["carried_joule"])
+        if self._may_leap:
+            state.leaps, state.removed = arrays["leaps"].tolist()
         lasts = {name: below(f"tool.{name}", arrays)["last"] for name in self._resolved.scene.tools}
         motions = tuple(motion_from(name, last) for name, last in lasts.items())
         state.tools = surfaces(self._resolved, self.bed, motions)

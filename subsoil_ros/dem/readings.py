@@ -26,10 +26,21 @@ class SoilReadings:
 
     _model: SoilModel
     _steps: Steps
+    _may_leap: bool  # whether particles are removed where a tool enters after a leap
 
     @property
     def _state(self) -> SoilState:
         return self._steps.state
+
+    @property
+    def _comes_and_goes(self) -> bool:
+        """Whether the particles there are change."""
+        return self._model.soil.window is not None or self._may_leap
+
+    @property
+    def leaps(self) -> tuple[int, int]:
+        """Leaps of tools since the start, and the particles that were removed."""
+        return self._state.leaps, self._state.removed
 
     @property
     def bed(self) -> Bed:
@@ -242,7 +253,7 @@ class SoilReadings:
             end_time_ns,
             self.positions_m().astype(np.float32),
             np.linalg.norm(self.velocities_m_per_s(), axis=1).astype(np.float32),
-            identities=np.sort(p.identity).astype(np.uint32) if soil.window is not None else None,
+            identities=np.sort(p.identity).astype(np.uint32) if self._comes_and_goes else None,
             broken_parts=broken,
             radii_m=self.radii_m().astype(np.float32) if soil.particles.sizes is not None else None,
             materials=self.materials().astype(np.uint32) if soil.layers is not None else None,

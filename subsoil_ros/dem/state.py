@@ -35,7 +35,9 @@ class SoilState:
     sinks: np.ndarray  # (sinks,) [J] of pairs and walls, before the lists were built
     tools: tuple[ToolSurface, ...] = ()
     tool_work_joule: float = 0.0  # of the tools on the soil, since the start
-    carried_joule: float = 0.0  # of soil that a window added, less that of soil it removed
+    carried_joule: float = 0.0  # of soil that was added, less that of soil removed
+    leaps: int = 0  # of tools, since the start
+    removed: int = 0  # particles that the tools then overlapped
     rebuild_count: int = 0
     strain: float = 0.0  # of an endless bed since the lists were built
     restart_file: np.ndarray = field(default_factory=lambda: np.empty(0, np.uint8))

@@ -66,6 +66,11 @@ class JoinedBags:
         for reader, wanted in self._wanted(at):
             yield from reader.clouds(communication_step_ns, at=wanted)
 
+    @property
+    def end_time_ns(self) -> int:
+        """As BagReader.end_time_ns."""
+        return self._pieces[-1][0].end_time_ns
+
     def cloud_times_ns(self) -> list[int]:
         """As BagReader.cloud_times_ns."""
         return [

@@ -140,6 +140,11 @@ class Scene(StrictModel):
         return any(tool.path is not None and tool.path.external for tool in self.tools.values())
 
     @property
+    def may_leap(self) -> bool:
+        """Whether a tool that leaps enters the soil anew."""
+        return any(tool.may_leap for tool in self.tools.values())
+
+    @property
     def moved_by_participant(self) -> bool:
         """Whether a participant of its own moves the tools, a mechanism or an external machine."""
         return self.mechanism is not None or self.external_machine
@@ -206,6 +211,9 @@ def _check_external(scene: Scene) -> None:
             f"tools: {', '.join(own)} without path.external: true, which others have; one machine moves all "
             "tools of a scene"
         )
+    soil = scene.particle_soil
+    if scene.may_leap and soil is not None and soil.engine == "lammps":
+        raise ValueError("tools.*.path.may_leap: is not there with soil.engine 'lammps'; use 'own'")
 
 
 def _check_spatial(scene: Scene) -> None:

@@ -156,6 +156,11 @@ class Path(StrictModel):
         False,
         description="an external machine moves the tools of the scene from their start poses.",
     )
+    may_leap: bool = Field(
+        False,
+        description="with external: after a motion that its velocities do not explain, the tool enters the "
+        "soil anew; particles that it overlaps are removed.",
+    )
 
     @property
     def is_spatial(self) -> bool:
@@ -186,7 +191,7 @@ class Path(StrictModel):
                 f"given 'turn' and {', '.join(planar)}; with 'turn' give turn.start_rotation_rad and "
                 "turn.speed_rad_per_s"
             )
-        moved = [key for key in sorted(given) if key not in (*_START, "external", "turn")]
+        moved = [key for key in sorted(given) if key not in (*_START, "external", "may_leap", "turn")]
         if self.turn is not None and self.turn.axis is not None:
             moved.append("turn.axis")
         if self.external and moved:
@@ -194,6 +199,8 @@ class Path(StrictModel):
                 f"external: given with {', '.join(moved)}; an external machine moves the tool: give the "
                 f"start pose alone, by {', '.join(_START)} or turn.start_rotation_rad"
             )
+        if self.may_leap and not self.external:
+            raise ValueError("may_leap: given without 'external: true'; only an external machine leaps")
         if self.poses is not None and given != {"poses"}:
             raise ValueError(
                 f"given 'poses' and {', '.join(sorted(given - {'poses'}))}; 'poses' takes no other keys"
@@ -239,6 +246,11 @@ class Tool(CadKeys):
     def is_spatial(self) -> bool:
         """Whether its path leaves the plane of travel."""
         return self.path is not None and self.path.is_spatial
+
+    @property
+    def may_leap(self) -> bool:
+        """Whether it enters the soil anew after a leap."""
+        return self.path is not None and self.path.may_leap
 
     @property
     def inertia_kg_m2(self) -> float | None:

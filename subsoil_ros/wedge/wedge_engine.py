@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, field, fields
 import numpy as np
 
 from ..errors import InputError, PhysicsError
+from ..leaps import entry
 from ..loading.loader import ResolvedScene
 from ..loading.soil_file import RANGE_MARGIN, refuse_rake, soil_of
 from ..messages import SpatialMotion, ToolMotion, ToolWrench
@@ -106,6 +107,7 @@ class WedgeEngine:
         self._gravity = resolved.scene.gravity_m_per_s2
         self._tools = tuple(self._tool(name) for name in resolved.scene.tools)
         self.memory = ResistanceState()
+        self._last: tuple[ToolMotion, ...] = ()  # motions of the tick before; empty after a restart
         # loads the kernel, which at the first cut would stop a run in real time for 0.2 s
         failure(Plate(1.0, 1.0, 0.1, 0.1), strength_of(self._values, self._gravity), 0.0)
 
@@ -144,6 +146,7 @@ class WedgeEngine:
         self.memory = ResistanceState(
             [_memory(tool, motion) for tool, motion in zip(self._tools, motions, strict=True)]
         )
+        self._last = motions
         return self._answer("start", motions)
 
     def advance(self, tick: int, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
@@ -152,6 +155,12 @@ class WedgeEngine:
         Raises:
             PhysicsError: a share left the rakes of the theory, or the range its soil was fitted in.
         """
+        if self._resolved.scene.may_leap:
+            for k, (before, motion) in enumerate(zip(self._last, motions, strict=False)):
+                start = entry(before, motion, self._interval_s)
+                if start is not None:
+                    self.memory.tools[k] = _memory(self._tools[k], start)
+            self._last = motions
         return self._answer(f"tick {tick}", motions)
 
     def state_arrays(self) -> dict[str, np.ndarray]:

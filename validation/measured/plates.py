@@ -31,6 +31,8 @@ RESULTS = Path(__file__).with_name("results") / "plates"
 
 SANDS = {
     "repose_29": (0.56, 0.34, 0.3, 1330.0),
+    "repose_29_denser": (0.60, 0.34, 0.3, 1330.0),  # one thing changed at a time, to see what would matter
+    "repose_29_stronger": (0.56, 0.50, 0.3, 1330.0),
     "critical_29": (0.56, 0.30, 0.21, 1330.0),
     "critical_33": (0.56, 0.30, 0.57, 1490.0),
     "peak_34": (0.60, 0.37, 0.1, 1560.0),
@@ -79,6 +81,7 @@ class Plate(NamedTuple):
     thickness_m: float
     depth_m: float  # of the lower face of a round plate, of the centre of another
     then: str = ""  # "", "drag" or "lift"
+    floor_m: float = 0.0  # depth of the bed under a round plate; 0: BEYOND says it
 
     @property
     def round(self) -> bool:
@@ -94,6 +97,7 @@ class Plate(NamedTuple):
         """Of its table."""
         size = f"{1e3 * self.length_m:g}" if self.round else f"{1e3 * self.length_m:g}x{1e3 * self.width_m:g}"
         way = f"{self.attack_deg:g}deg{'_' + self.then if self.then else ''}"
+        way += f"_floor{1e3 * self.floor_m:g}mm" if self.floor_m else ""
         return f"{self.soil}_{size}mm_{way}_r{1e3 * radius_m:g}_v{1e3 * speed_m_per_s:g}_s{seed}"
 
     def mesh(self) -> trimesh.Trimesh:
@@ -126,6 +130,11 @@ SETS: dict[str, list[Plate]] = {
     "kruger": discs("critical_33", (151,), 76, 90),
     "li": submerged("peak_38") + submerged("peak_34"),
     "pavlov_grain": discs("repose_29", (80,), 22, 40),
+    "pavlov_why": [
+        *(disc._replace(floor_m=0.1) for disc in discs("repose_29", (60, 100), 22, 40)),
+        *discs("repose_29_denser", (80,), 22, 40),
+        *discs("repose_29_stronger", (80,), 22, 40),
+    ],
     "li_grain": submerged("peak_38")[-1:],
     "wong": [plate for soil in SHIPPED for plate in discs(soil, (200,), 52, 80)],
 }
@@ -134,6 +143,7 @@ SETS: dict[str, list[Plate]] = {
 def soil_of(plate: Plate, radius_m: float, seed: int) -> Document:
     """Keys of a scene's soil."""
     length, width, depth = (times * plate.length_m for times in BEYOND) if plate.round else BOX_M
+    depth = plate.floor_m or depth
     window: Document = {}  # of a material: as long as its rupture distance
     if plate.soil in SANDS:
         fraction, friction, rolling, bulk = SANDS[plate.soil]

@@ -67,11 +67,16 @@ class ToolSurface:
         self._searched = self.last
         self._parts = parts_of_loads(len(self.mesh.groups), self.sink_count)
         self._kernels = KernelCalls()
+        self.enter(self.last)
+        self.begin_tick()
+
+    def enter(self, motion: ToolMotion) -> None:
+        """Be at `motion`, in contact with nothing."""
         none = np.empty(0, np.int64)
         normal, shear, rolling = (np.zeros((0, CONTACTS, count)) for count in (3, 3, 3 + self.kept))
         empty = (np.zeros((0, CONTACTS), np.bool_), normal, shear, rolling)
         self.near = ToolList(none, np.zeros(1, np.int64), np.empty(0, np.int32), *empty)
-        self.begin_tick()
+        self.last = motion
 
     def begin_tick(self) -> None:
         """Clear the load of the tick before."""

@@ -1,0 +1,172 @@
+"""subsoil follow SCENE: soil under a machine that waits for nobody, by its poses over ROS or in a record."""
+
+import argparse
+import math
+import os
+from pathlib import Path
+
+from ..analysis.summary import Summary
+from ..api.run_frame import open_run, simulate
+from ..coupling.engines import ParticleReadings, Soil, build_soil
+from ..coupling.exit_status import caught_signals
+from ..coupling.follow.follower import Follower, Replay
+from ..coupling.observer import RunWatch
+from ..coupling.run_settings import RunSettings
+from ..errors import InputError
+from ..extras import require_ros
+from ..loading.loader import ResolvedScene, load_scene
+from ..recording.joined import open_record
+from ..ros.transport.environment import check_environment
+from ..ros.transport.shared_memory import avoid_full_memory
+from ..run_results import print_summary
+from ..yaml_document import Document
+from .arguments import add_overrides, positive_count
+from .output import say
+from .progress import RunProgress, bed_progress, reading_bag, working
+from .run.simulation import say_opened
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("scene", help="scene file (.yaml) whose tools have path.external: true")
+    parser.add_argument("--out", required=True, metavar="DIR", help="folder for the results; must not exist")
+    parser.add_argument(
+        "--pose",
+        action="append",
+        default=[],
+        metavar="TOOL=TOPIC",
+        help="topic of a tool's PoseStamped; a tool without --pose and --odometry is a TF frame of its name",
+    )
+    parser.add_argument(
+        "--odometry", action="append", default=[], metavar="TOOL=TOPIC", help="topic of a tool's Odometry"
+    )
+    parser.add_argument(
+        "--joints", default="", metavar="TOPIC", help="topic of the JointState that moves the links of --urdf"
+    )
+    parser.add_argument(
+        "--urdf", type=Path, metavar="FILE", help="robot whose links are the frames; its root is the world"
+    )
+    parser.add_argument(
+        "--frame",
+        action="append",
+        default=[],
+        metavar="TOOL=FRAME",
+        help="TF frame or link of a tool (default: of the tool's name)",
+    )
+    parser.add_argument("--world", default="world", metavar="FRAME", help="of the poses (default: world)")
+    parser.add_argument(
+        "--behind",
+        type=float,
+        default=0.2,
+        metavar="S",
+        help="how far the soil may fall behind the newest pose before it skips to it (default: 0.2)",
+    )
+    parser.add_argument(
+        "--fastest",
+        type=float,
+        default=10.0,
+        metavar="M_PER_S",
+        help="speed between two poses beyond which a tool leaps, and enters the soil anew (default: 10)",
+    )
+    parser.add_argument(
+        "--replay", type=Path, metavar="RUN", help="move the tools as in an earlier run, without ROS"
+    )
+    parser.add_argument("--threads", type=positive_count, default=1, metavar="N", help="of the soil engine")
+    add_overrides(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Follow poses until the scene's duration is over, or Ctrl-C."""
+    resolved = _scene(args)
+    if args.replay is None:
+        require_ros("subsoil follow", "give --replay RUN")
+        check_environment()
+    settings = RunSettings(resolved, threads=args.threads)
+    frame = open_run(settings, Path(args.out), shown=args.scene, bed_progress=bed_progress)
+    say_opened(frame)
+    bar = RunProgress(resolved.scene.name, resolved.timing)
+    watch = RunWatch(bar)
+
+    def work() -> None:
+        with caught_signals(watch.signals.append):
+            if args.replay is not None:
+                with bar:
+                    simulate(
+                        frame.settings, motion_source=Replay(resolved, args.replay / "bag"), observer=watch
+                    )
+            else:
+                _follow(args, frame.settings, watch, bar)
+
+    summary, failure = frame.complete("direct", work, watch, reading=reading_bag, working=working)
+    if isinstance(summary, Summary):
+        print_summary(summary, resolved.scene, frame.out, reference=resolved.reference)
+    if failure is not None:
+        raise failure
+    return 0
+
+
+def _scene(args: argparse.Namespace) -> ResolvedScene:
+    """The scene, whose tools may leap; of a replay as long as the record.
+
+    Raises:
+        InputError: its tools have no external machine, or an argument is no positive number.
+    """
+    for name in ("behind", "fastest"):
+        if not 0.0 < getattr(args, name) < math.inf:
+            raise InputError(f"--{name}: given {getattr(args, name)}; it must be a positive number")
+    resolved = load_scene(args.scene, args.overrides)
+    if not resolved.scene.external_machine or resolved.scene.external_soil:
+        raise InputError(
+            f"{args.scene}: `subsoil follow` moves the tools in a soil of the scene; give each tool "
+            "path: {external: true, turn: {}}"
+        )
+    overrides = [f"tools.{tool}.path.may_leap=true" for tool in resolved.scene.tools]
+    if args.replay is not None:
+        end_s = 1e-9 * open_record(args.replay / "bag").end_time_ns
+        overrides.append(f"duration_s={min(resolved.scene.duration_s, end_s)!r}")
+    return load_scene(args.scene, [*args.overrides, *overrides])
+
+
+def _follow(args: argparse.Namespace, settings: RunSettings, watch: RunWatch, bar: RunProgress) -> None:
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    if words := avoid_full_memory(1):
+        say(words)
+    from ..ros.nodes.follow_node import FollowNode, PoseSources
+
+    resolved = settings.resolved
+    poses, odometry, frames = (_by_tool(resolved, args, name) for name in ("pose", "odometry", "frame"))
+    sources = PoseSources(poses, odometry, frames, args.joints, args.urdf, args.world)
+    follower = Follower(resolved, watch.stop_signal, behind_s=args.behind, fastest_m_per_s=args.fastest)
+    soil = build_soil(resolved, settings.threads)
+    node = FollowNode(resolved, settings.run_id, follower, sources)
+    domain = os.environ.get("ROS_DOMAIN_ID", "0")
+    say(f"waiting for poses of {', '.join(resolved.scene.tools)} in ROS_DOMAIN_ID={domain}")
+    try:
+        with bar:
+            simulate(settings, motion_source=follower, soil=soil, sink=node, observer=watch)
+    finally:
+        watch.followed = follower.facts() | _removed(soil)
+        node.close()
+
+
+def _by_tool(resolved: ResolvedScene, args: argparse.Namespace, option: str) -> dict[str, str]:
+    """Values of an option by tool.
+
+    Raises:
+        InputError: one is not TOOL=VALUE, or there is no such tool.
+    """
+    found = {}
+    for text in getattr(args, option):
+        tool, sign, value = text.partition("=")
+        if not sign or not value or tool not in resolved.scene.tools:
+            raise InputError(
+                f"--{option}: given '{text}'; it must be TOOL={'FRAME' if option == 'frame' else 'TOPIC'}, "
+                f"tools are {', '.join(resolved.scene.tools)}"
+            )
+        found[tool] = value
+    return found
+
+
+def _removed(soil: Soil | None) -> Document:
+    """What a soil of particles counts of leaps."""
+    counts = soil.leaps if isinstance(soil, ParticleReadings) else ()
+    return dict(zip(("leaps", "removed_particles"), counts, strict=False))

@@ -22,7 +22,7 @@ from .state import SoilState
 from .step_checks import StepChecks
 from .steps import Steps
 from .tools.motion import motion_within, refuse_other_kind
-from .tools.surface import ToolSurface, surfaces
+from .tools.surface import surfaces
 from .window import Window
 
 
@@ -208,22 +208,21 @@ class SoilEngine(SoilReadings):
         return self._wrenches()
 
     def _starts(self, where: str, motions: tuple[ToolMotion, ...]) -> tuple[ToolMotion, ...]:
-        """Where the tools are at the start of a tick; one that leaps enters the soil there."""
+        """Where the tools are at the start of a tick; those that leap enter the soil there."""
         tools = self._state.tools
         if self._may_leap:
-            leapt = []
-            for tool, motion in zip(tools, motions, strict=True):
-                if (
-                    start := entry(tool.last, motion, self._resolved.timing.communication_step_s)
-                ) is not None:
-                    leapt.append(tool)
-                    tool.enter(start)
-            if leapt:
-                self._remove_overlapped(where, leapt)
+            interval_s = self._resolved.timing.communication_step_s
+            entries = [
+                entry(tool.last, motion, interval_s) for tool, motion in zip(tools, motions, strict=True)
+            ]
+            if any(entries):
+                self._enter(where, entries)
         return tuple(tool.last for tool in tools)
 
-    def _remove_overlapped(self, where: str, tools: list[ToolSurface]) -> None:
-        """Remove the particles that these tools overlap, and build all lists anew.
+    def _enter(self, where: str, entries: list[ToolMotion | None]) -> None:
+        """Put the tools that have an entry there, and remove the particles that they then overlap.
+
+        Forces change on particles that touched these tools, or a particle that is removed, only.
 
         Raises:
             PhysicsError: the tools overlap all particles.
@@ -231,22 +230,33 @@ class SoilEngine(SoilReadings):
         model, host = self._model, self._steps.to_host()
         before = self.energy().total_joule if model.booked else 0.0
         state = host.state
-        p = state.particles
-        clearance_m, kept = model.clearance_m(p), np.ones(p.count, np.bool_)
-        for tool in tools:
-            kept[tool.overlapped(p, clearance_m)] = False
+        p, pairs = state.particles, state.pairs
+        clearance_m, kept, changed = (
+            model.clearance_m(p),
+            np.ones(p.count, np.bool_),
+            np.zeros(p.count, np.bool_),
+        )
+        for tool, start in zip(state.tools, entries, strict=True):
+            if start is not None:
+                changed[tool.near.particle] = True
+                tool.enter(start)
+                kept[tool.overlapped(p, clearance_m)] = False
         if not kept.any():
             raise PhysicsError(f"{where}: after a leap the tools overlap every particle; look at their poses")
+        first, second = np.repeat(np.arange(p.count), np.diff(pairs.row_start)), pairs.neighbour
+        changed[second[~kept[first]]] = True
+        changed[first[~kept[second]]] = True
+        identities = p.identity[changed]
         came_from = np.flatnonzero(kept)
         p.reorder(came_from)
         host.rebuild(tuple(tool.last for tool in state.tools), came_from)
-        fresh = np.ones(p.count, np.bool_)
-        for tool in state.tools:
-            if tool not in tools:
-                fresh[tool.near.particle] = False  # these keep the forces of tools that did not leap
+        fresh = np.isin(p.identity, identities)
+        for tool, start in zip(state.tools, entries, strict=True):
+            if start is None:
+                fresh[tool.near.particle] = False  # they would lose the force of this tool
         host.forces_on(fresh)
         self._steps.from_host()
-        state.leaps += len(tools)
+        state.leaps += len(entries) - entries.count(None)
         state.removed += int((~kept).sum())
         if model.booked:
             state.carried_joule += self.energy().total_joule - before

@@ -131,7 +131,7 @@ SETS: dict[str, list[Plate]] = {
     "li": submerged("peak_38") + submerged("peak_34"),
     "pavlov_grain": discs("repose_29", (80,), 22, 40),
     "pavlov_why": [
-        *(disc._replace(floor_m=0.1) for disc in discs("repose_29", (60, 100), 22, 40)),
+        *(disc._replace(floor_m=m) for m in (0.06, 0.1) for disc in discs("repose_29", (60, 100), 22, 40)),
         *discs("repose_29_denser", (80,), 22, 40),
         *discs("repose_29_stronger", (80,), 22, 40),
     ],

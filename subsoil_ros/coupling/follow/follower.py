@@ -86,9 +86,8 @@ class Follower:
     @property
     def behind_s(self) -> float:
         """How far the soil is behind the newest pose of all tools."""
-        newest = [track.newest_ns for track in self._tracks.values()]
-        since = [time - self.stamp_ns for time in newest if time is not None and self.stamp_ns]
-        return 1e-9 * max(since, default=0)
+        known_ns = self._known_ns()
+        return 0.0 if known_ns is None or self._offset_ns is None else 1e-9 * (known_ns - self.stamp_ns)
 
     @property
     def awaited(self) -> list[str]:

@@ -222,7 +222,8 @@ class SoilEngine(SoilReadings):
     def _enter(self, where: str, entries: list[ToolMotion | None]) -> None:
         """Put the tools that have an entry there, and remove the particles that they then overlap.
 
-        Forces change on particles that touched these tools, or a particle that is removed, only.
+        Forces change only on particles that touched these tools or a particle removed; they lack those of other
+        tools for half a step.
 
         Raises:
             PhysicsError: the tools overlap all particles.
@@ -250,11 +251,7 @@ class SoilEngine(SoilReadings):
         came_from = np.flatnonzero(kept)
         p.reorder(came_from)
         host.rebuild(tuple(tool.last for tool in state.tools), came_from)
-        fresh = np.isin(p.identity, identities)
-        for tool, start in zip(state.tools, entries, strict=True):
-            if start is None:
-                fresh[tool.near.particle] = False  # they would lose the force of this tool
-        host.forces_on(fresh)
+        host.forces_on(np.isin(p.identity, identities))
         self._steps.from_host()
         state.leaps += len(entries) - entries.count(None)
         state.removed += int((~kept).sum())

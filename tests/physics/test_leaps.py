@@ -7,9 +7,12 @@ from numpy.testing import assert_allclose
 from subsoil_ros.errors import PhysicsError
 from subsoil_ros.messages import SpatialMotion, ToolMotion
 from subsoil_ros.wedge.wedge_engine import WedgeEngine
+from tests.soils import NEGLIGIBLE
 
 STEP_S = 5e-5
 BIN = ("soil.bin.length_m=0.3",)
+ALONE = ("gravity_m_per_s2=0", "soil.bin.length_m=0.4", "soil.bin.width_m=0.4", "soil.bin.depth_m=0.4")
+UPRIGHT, NONE = (0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
 IN_SOIL, IN_AIR = (0.1, 0.0, -0.03), (0.1, 0.0, 0.2)
 
 
@@ -21,14 +24,13 @@ def external(mesh: str, *names: str) -> dict:
 
 def still(place, tool: str = "tool") -> ToolMotion:
     """At rest."""
-    none = (0.0, 0.0, 0.0)
-    return SpatialMotion.of(tool, place, (0.0, 0.0, 0.0, 1.0), none, none)
+    return SpatialMotion.of(tool, place, UPRIGHT, NONE, NONE)
 
 
 def dragged(t: float, start_m: float = 0.08, tool: str = "tool") -> SpatialMotion:
     """Through the bed at 1 m/s."""
     place = (start_m + t, 0.0, -0.03)
-    return SpatialMotion.of(tool, place, (0.0, 0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    return SpatialMotion.of(tool, place, UPRIGHT, (1.0, 0.0, 0.0), NONE)
 
 
 def test_it_is_where_a_tool_that_begins_there_would_be(soil):
@@ -72,6 +74,37 @@ def test_another_tool_and_its_soil_feel_nothing_of_a_leap(soil):
     assert_allclose(with_leap, without, rtol=0.0, atol=1e-9 * np.abs(without).max())
 
 
+def test_what_was_pressed_goes_on_freely(soil):
+    """A sphere that a tool presses, and one that presses another which it removes: no force after the leap."""
+    tools = external(soil.box(0.04, 0.04, 0.06), "tool")
+    no_adhesion = {"cohesive_stiffness_newton_per_m": NEGLIGIBLE, "equilibrium_overlap_m": NEGLIGIBLE}
+    engine = soil.engine(*ALONE, "soil.time_step_s=2e-5", tools=tools, law=no_adhesion, book=True)
+    engine.place(np.array(((0.1, 0.0, -0.1401), (0.3, 0.0, -0.2), (0.3, 0.0, -0.2185))))
+    engine.start((still((0.1, 0.0, -0.1)),))
+    for k in range(15):
+        down = (0.1, 0.0, -0.1 - 2e-5 * (k + 1))
+        engine.advance(k, (SpatialMotion.of("tool", down, UPRIGHT, (0.0, 0.0, -1.0), NONE),))
+    before = engine.velocities_m_per_s()
+    assert (before[[0, 2], 2] < -0.01).all()
+    engine.advance(15, (still((0.3, 0.0, -0.175)),))  # the lower sphere is 3.5 mm clear of it
+    assert engine.leaps == (1, 1)
+    assert_allclose(engine.velocities_m_per_s(), before[[0, 2]], rtol=0.0, atol=1e-12)
+
+
+def test_springs_of_a_contact_end_with_a_leap(soil):
+    """Of a sphere that rests on the same face before and after, drawn aside by friction before."""
+    tools = external(soil.box(0.1, 0.1, 0.06), "tool")
+    engine = soil.engine(*ALONE, tools=tools, book=True)
+    engine.place(np.array([(0.2, 0.0, -0.1381)]))
+    engine.start((still((0.2, 0.0, -0.1)),))
+    aside = SpatialMotion.of("tool", (0.20005, 0.0, -0.1), UPRIGHT, (1.0, 0.0, 0.0), NONE)
+    drawn = abs(engine.advance(0, (aside,))[0].force_x_newton)
+    back = abs(engine.advance(1, (still((0.19, 0.0, -0.1)),))[0].force_x_newton)
+    assert engine.leaps == (1, 0)
+    assert drawn > 0.1
+    assert back < 0.2 * drawn  # the damper of the sphere's own motion is left
+
+
 def test_a_state_keeps_what_was_counted(soil):
     tools = external(soil.box(0.04, 0.04, 0.06), "tool")
     engine, again = (soil.engine(*BIN, tools=tools, book=True) for _ in range(2))
@@ -99,8 +132,8 @@ def test_wedges_begin_anew_after_a_leap(soil):
             "model": "wedge",
             "bin": {"length_m": 2.0, "width_m": 0.5, "depth_m": 0.3},
             "values": {
-                "density_kg_per_m3": 1500.0, "cohesion_pa": 8e3, "friction_angle_rad": 0.5, "adhesion_pa": 0.0,
-                "tool_friction_angle_rad": 0.3,
+                "density_kg_per_m3": 1500.0, "cohesion_pa": 8e3, "friction_angle_rad": 0.5,
+                "adhesion_pa": 0.0, "tool_friction_angle_rad": 0.3,
             },
         },
         "tools": {

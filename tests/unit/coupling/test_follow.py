@@ -1,4 +1,4 @@
-"""Poses that come as they come: between them, out of order, through a tree of frames; and the time they take."""
+"""Poses as they come: between them, out of order, through a tree of frames; and the time that they take."""
 
 import math
 import threading

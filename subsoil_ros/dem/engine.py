@@ -222,8 +222,8 @@ class SoilEngine(SoilReadings):
     def _enter(self, where: str, entries: list[ToolMotion | None]) -> None:
         """Put the tools that have an entry there, and remove the particles that they then overlap.
 
-        Forces change only on particles that touched these tools or a particle removed; these lack the forces of
-        other tools for half a step.
+        Forces change only on particles that touched these tools or a particle removed; for half a step these
+        lack the forces of other tools.
 
         Raises:
             PhysicsError: the tools overlap all particles.

@@ -91,20 +91,6 @@ def test_what_was_pressed_goes_on_freely(soil):
     assert_allclose(engine.velocities_m_per_s(), before[[0, 2]], rtol=0.0, atol=1e-12)
 
 
-def test_springs_of_a_contact_end_with_a_leap(soil):
-    """Of a sphere that rests on the same face before and after, drawn aside by friction before."""
-    tools = external(soil.box(0.1, 0.1, 0.06), "tool")
-    engine = soil.engine(*ALONE, tools=tools, book=True)
-    engine.place(np.array([(0.2, 0.0, -0.1381)]))
-    engine.start((still((0.2, 0.0, -0.1)),))
-    aside = SpatialMotion.of("tool", (0.20005, 0.0, -0.1), UPRIGHT, (1.0, 0.0, 0.0), NONE)
-    drawn = abs(engine.advance(0, (aside,))[0].force_x_newton)
-    back = abs(engine.advance(1, (still((0.1998, 0.0, -0.1)),))[0].force_x_newton)
-    assert engine.leaps == (1, 0)
-    assert drawn > 0.1
-    assert back < 0.2 * drawn  # the damper of the sphere's own motion is left
-
-
 def test_a_state_keeps_what_was_counted(soil):
     tools = external(soil.box(0.04, 0.04, 0.06), "tool")
     engine, again = (soil.engine(*BIN, tools=tools, book=True) for _ in range(2))

@@ -154,5 +154,9 @@ def test_where_simulation_interfaces_is_installed_its_types_are_served(workspace
 
 @pytest.mark.full
 def test_where_tf2_msgs_is_installed_tf_is_live(workspace):
-    """/tf arrives, with the bytes of the bag, and moves."""
-    pytest_in(workspace, "tests/system/test_conventions.py::test_tf_moves_live")
+    """/tf arrives, with the bytes of the bag, and moves; and a soil follows it."""
+    pytest_in(
+        workspace,
+        "tests/system/test_conventions.py::test_tf_moves_live",
+        "tests/system/test_follow.py::test_frames_of_tf_are_followed",
+    )

@@ -53,3 +53,35 @@ def test_the_bucket_goes_into_the_sand(bucket: ModuleType) -> None:
     assert series["tool.bucket.force_z_newton"][inside].mean() > 5.0
     assert series["tool.bucket.force_z_newton"][series["time_s"] < 0.1].abs().max() == 0.0
     assert run.summary["energy"]["residual_ratio"] < 0.05
+
+
+def test_the_free_arm_says_where_it_is_and_feels_a_wrench(
+    bucket: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At the waypoints within the compliance of the servos; pushed up by 200 N for as long as that is new."""
+    rclpy = pytest.importorskip("rclpy", reason="needs ROS")
+    from geometry_msgs.msg import PoseStamped, WrenchStamped
+
+    monkeypatch.syspath_prepend(str(EXAMPLE))
+    free = importlib.import_module("free")
+    heights = {}
+    rclpy.init()
+    try:
+        for newton in (0.0, 200.0):
+            arm, poses = free.FreeArm(), list[PoseStamped]()
+            monkeypatch.setattr(arm._pose, "publish", poses.append)
+            push = WrenchStamped()
+            x, z = math.sin(-0.7), math.cos(-0.7)  # the bucket is pitched by -0.7 rad
+            push.wrench.force.x, push.wrench.force.z = -newton * x, newton * z
+            arm._feel(push)
+            arm.advance(0.2)
+            heights[newton] = poses[-1].pose.position.z
+            assert heights[newton] == pytest.approx(bucket.pose_at(0.2)[1], abs=0.02)
+            assert poses[-1].pose.orientation.y == pytest.approx(math.sin(-0.35), abs=0.01)
+            arm._felt_s -= 1.0
+            arm.advance(0.01)
+            assert not arm._load.any()
+            arm.node.destroy_node()
+    finally:
+        rclpy.shutdown()
+    assert heights[200.0] > heights[0.0] + 1e-4

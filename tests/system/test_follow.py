@@ -35,7 +35,7 @@ SCENE: dict[str, Any] = {
     "tools": {
         "tine": {
             "path": {"external": True, "start_z_m": 0.6},
-            "groups": {"tine": {"mesh": str(ROOT / "examples" / "three_point_hitch" / "tine.stl")}},
+            "groups": {"tine": {"mesh": str(ROOT / "config" / "meshes" / "share.stl")}},
         }
     },
     "soil": {
@@ -156,11 +156,11 @@ def followed(folder: Path) -> dict[str, Any]:
 
 
 def same_again(folder: Path) -> None:
-    """The record, replayed, gives the same series."""
+    """The record, replayed, gives the same series; of an interrupted run, a row of its last tick as well."""
     run = folder / "out"
     again = folder / "again"
     assert main(["follow", str(run / "scene.yaml"), "--replay", str(run), "--out", str(again)]) == 0
-    assert (again / "series.csv").read_bytes() == (run / "series.csv").read_bytes()
+    assert (again / "series.csv").read_bytes().startswith((run / "series.csv").read_bytes())
 
 
 def test_wedges_follow_poses_in_real_time(tmp_path: Path, domain: int) -> None:

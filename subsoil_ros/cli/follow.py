@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..analysis.summary import Summary
 from ..api.run_frame import open_run, simulate
-from ..coupling.engines import ParticleReadings, Soil, build_soil
+from ..coupling.engines import Soil, build_soil
 from ..coupling.exit_status import caught_signals
 from ..coupling.follow.follower import Follower, Replay
 from ..coupling.observer import RunWatch
@@ -168,5 +168,4 @@ def _by_tool(resolved: ResolvedScene, args: argparse.Namespace, option: str) -> 
 
 def _removed(soil: Soil | None) -> Document:
     """What a soil of particles counts of leaps."""
-    counts = soil.leaps if isinstance(soil, ParticleReadings) else ()
-    return dict(zip(("leaps", "removed_particles"), counts, strict=False))
+    return dict(zip(("leaps", "removed_particles"), getattr(soil, "leaps", ()), strict=False))

@@ -82,11 +82,6 @@ class Soil(Resumable, Protocol):
 class ParticleReadings(Protocol):
     """What a soil of particles has beside the methods of every soil."""
 
-    @property
-    def leaps(self) -> tuple[int, int]:
-        """Leaps of tools since the start, and the particles that were removed."""
-        ...
-
     def ends_with(self, tick: int) -> None:
         """Make `tick`, the next one, the last of a run that ends early."""
         ...

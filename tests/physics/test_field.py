@@ -16,7 +16,7 @@ from subsoil_ros.dem.packing.bed_geometry import top_surface_m
 from subsoil_ros.dem.packing.bed_report import report_bed
 from subsoil_ros.dem.periodic import HELD_LAYER
 from subsoil_ros.errors import InputError, PhysicsError, SceneError
-from subsoil_ros.messages import ToolMotion
+from subsoil_ros.messages import SpatialMotion, ToolMotion
 from tests.physics.conftest import one_tool
 from tests.soils import BOOKED, LINEAR
 
@@ -481,6 +481,52 @@ def test_bonded_soil_has_the_same_bits_on_threads_and_after_a_restart(soil):
     assert len(broken) == p.count
     book = first.energy()
     assert book.sinks_joule["bond_breakage"] > 0.0
+
+
+@pytest.mark.full
+def test_a_tool_in_space_goes_through_a_bonded_field_as_a_planar_one(soil):
+    """The same forces, the same bonds broken, before and after shifts of the window."""
+    scene = field(soil, bonds=CEMENT)
+    planar, wrenches = driven(scene, ticks=500)
+    spatial = build_engine(scene)
+    spatial.start(in_space(bar(-1)))
+    found = [spatial.advance(tick, in_space(bar(tick)))[0] for tick in range(500)]
+    assert window_of(spatial) == window_of(planar)
+    assert spatial.state("", 0, 0).broken_bond_count == planar.state("", 0, 0).broken_bond_count
+    forces = np.array([(w.force_x_newton, w.force_z_newton) for w in found])
+    wanted = np.array([(w.force_x_newton, w.force_z_newton) for (w,) in wrenches])
+    off = np.abs(forces - wanted).max(axis=1) / np.abs(wanted).max()
+    assert off[:100].max() < 1e-9
+    assert off.max() < 0.01  # round-off, which contacts and bonds multiply in 100 ms
+
+
+def in_space(motions):
+    """The same motions, of tools in space."""
+    return tuple(
+        SpatialMotion.of(m.tool, m.position_m, m.quaternion, m.velocity_m_per_s, m.spin_rad_per_s)
+        for m in motions
+    )
+
+
+@pytest.mark.full
+def test_a_tool_that_leaps_ahead_finds_soil(soil):
+    """The window goes with it, and soil that it would overlap there is not laid out into it."""
+    scene = field(soil)
+    path = {"external": True, "may_leap": True, "start_x_m": START_M, "start_z_m": 0.2}
+    tools = {"tool": scene.document["tools"]["tool"] | {"path": path}}
+    engine = build_engine(soil.resolve(scene.document | {"tools": tools}))
+    engine.start(bar(-1))
+    for tick in range(5):
+        engine.advance(tick, bar(tick))
+    before = window_of(engine)
+    ahead = [(dataclasses.replace(bar(tick)[0], x_m=bar(tick)[0].x_m + 0.5),) for tick in range(5, 80)]
+    found = [engine.advance(tick, motions)[0] for tick, motions in enumerate(ahead, 5)]
+    leaps, removed = engine.leaps
+    assert leaps == 1
+    assert removed > 5
+    assert window_of(engine)[0] > before[0]
+    assert max(abs(wrench.force_x_newton) for wrench in found[:5]) < 20.0
+    assert max(abs(wrench.force_x_newton) for wrench in found) > 1.0
 
 
 def test_a_surface_is_cut_at_its_height(soil):

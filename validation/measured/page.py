@@ -85,6 +85,13 @@ def tables() -> str:
         + ", ".join(f"{point.what} {_number(point.predicted / point.measured)}" for point in both)
         + ".",
         "",
+        "| changed, of the round plates in `repose_29` | plate | kPa at 10 mm, times | at 20 mm, times |",
+        "|---|---|---|---|",
+        *(
+            f"| {changed} | {1e3 * diameter:g} mm | {first:.2f} | {second:.2f} |"
+            for changed, diameter, (first, second) in plate_points.one_at_a_time()
+        ),
+        "",
         "| shipped soil | 200 mm plate at 50 mm, kPa | soils of half to twice its cohesion, kPa |",
         "|---|---|---|",
         *(

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .bearing import FORMS, sand
-from .plates import SANDS, SETS, Plate, pressed_pa, record, submerged
+from .plates import SANDS, SETS, SPEED_M_PER_S, Plate, pressed_pa, record, submerged
 
 HERE = Path(__file__).parent
 
@@ -115,6 +115,25 @@ def pavlov(soil: str = "repose_29") -> Iterator[Point]:
         predicted = pressed_pa(record(plate.name(radius)), plate, SINKAGES_M) / (1.0 + b * radius / d)
         forms = _forms(29.0, SANDS[soil][3], d)
         yield from _sinkage_points("Pavlov and Johnson", f"{1e3 * d:g} mm", measured, predicted, forms)
+
+
+def one_at_a_time() -> Iterator[tuple[str, float, NDArray[np.float64]]]:
+    """What was changed of the round plates in `repose_29`, the plate's diameter [m], and the pressure at both
+    sinkages over that without the change; of runs that are kept."""
+    radius = RADIUS_M["pavlov"]
+    (plate,) = SETS["pavlov_grain"]
+    runs = [("another seed", plate, plate.name(radius, seed=2))]
+    runs += [("half the speed", plate, plate.name(radius, speed_m_per_s=0.5 * SPEED_M_PER_S))]
+    for other in SETS["pavlov_why"]:
+        changed = {
+            "repose_29_denser": "solid fraction 0.60 for 0.56",
+            "repose_29_stronger": "friction 0.5 for 0.34: 38 degrees at the peak, a heap of 35",
+        }.get(other.soil, f"floor at {1e3 * other.floor_m:g} mm")
+        runs.append((changed, other, other.name(radius)))
+    for changed, other, name in runs:
+        base = other._replace(soil="repose_29", floor_m=0.0)
+        before = pressed_pa(record(base.name(radius)), base, SINKAGES_M)
+        yield changed, other.length_m, pressed_pa(record(name), other, SINKAGES_M) / before
 
 
 def kruger() -> Iterator[Point]:

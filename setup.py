@@ -42,6 +42,7 @@ setup(
         (f"{SHARE}/config/references", files("config/references/*.yaml")),
         (f"{SHARE}/config/studies", files("config/studies/*.yaml")),
         (f"{SHARE}/config/foxglove", files("config/foxglove/*.json")),
+        (f"{SHARE}/config/rviz", files("config/rviz/*.rviz")),
         # `ros2 run` looks in lib/subsoil_ros, console scripts are in bin.
         ("lib/subsoil_ros", files("scripts/*")),
     ],

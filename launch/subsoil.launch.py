@@ -41,6 +41,7 @@ ARGUMENTS = {
     **{name: (str(option.default).lower(), option.description) for name, option in OPTIONS.items()},
     "resume": ("", "folder of an earlier run of the scene, to continue from its newest checkpoint"),
     "live": ("", "port of a live view for Foxglove; 0: any free port; empty: none"),
+    "rviz": ("false", "whether RViz shows the run"),
     "overrides": ("", 'changes of the scene, as "soil.bed.seed=3 duration_s=1.0"'),
 }
 
@@ -71,6 +72,7 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     out = Path(given["out"] or f"runs/{time.strftime('%Y%m%d-%H%M%S')}")
     namespace = checked_namespace(given["namespace"])
     overrides = shlex.split(given["overrides"])
+    viewers = [rviz(namespace)] if flag("rviz", given["rviz"]) else []
     if given["mode"] != "nodes":
         if not recording:
             raise InputError("recording: given false, but only mode:=nodes runs without a recorder")
@@ -82,7 +84,7 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         command += ["--resume", given["resume"]] if given["resume"] else []
         command += ["--live", given["live"]] if given["live"] else []
         command += [word for change in overrides for word in ("--set", change)]
-        return [ExecuteProcess(cmd=command, output="screen", on_exit=Ending(1))]
+        return [ExecuteProcess(cmd=command, output="screen", on_exit=Ending(1)), *viewers]
     notice = avoid_full_memory()  # for the nodes too: they inherit the environment
     live = live_port(given["live"] or None)
     resume = Path(given["resume"]) if given["resume"] else None
@@ -110,7 +112,20 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         for node in started
     ]
     words = f"run '{frame.settings.run_id}' in {out}; `subsoil report {out}` makes series and figures of it"
-    return [*([LogInfo(msg=notice)] if notice else []), LogInfo(msg=words), *nodes]
+    return [*([LogInfo(msg=notice)] if notice else []), LogInfo(msg=words), *nodes, *viewers]
+
+
+def rviz(namespace: str) -> Node:
+    """RViz, in the time of the run."""
+    share = Path(get_package_share_directory("subsoil_ros"))
+    shown = ("/clock", "/tf", "/robot_description", "/soil/points", "/tool_markers")
+    return Node(
+        package="rviz2",
+        executable="rviz2",
+        arguments=["-d", str(share / "config" / "rviz" / "subsoil.rviz")],
+        parameters=[{"use_sim_time": True}],
+        remappings=[(topic, f"{namespace}{topic}") for topic in shown] if namespace else [],
+    )
 
 
 class Ending:

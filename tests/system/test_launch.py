@@ -17,6 +17,7 @@ from typing import Any
 
 import numba
 import pytest
+import yaml
 
 from subsoil_ros.api.read import read_run
 from subsoil_ros.api.run_frame import RunFrame
@@ -25,6 +26,8 @@ from subsoil_ros.coupling.engines import MotionSource, build_motion_source
 from subsoil_ros.coupling.external import Machine
 from subsoil_ros.errors import InputError, RunError
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
+from subsoil_ros.messages import SoilCloud
+from subsoil_ros.recording.topics import LATCHED, TOPIC_OF
 from subsoil_ros.ros.process.node_plan import nodes_of
 from subsoil_ros.ros.transport import shared_memory
 from subsoil_ros.ros.transport.ros_domain import run_domain
@@ -188,6 +191,25 @@ def test_what_it_starts_makes_the_run(
     (out / "series.csv").unlink()
     (out / "summary.json").unlink()
     assert read_run(out).summary["run"]["state_sha256"] == alone
+
+
+def test_rviz_shows_what_is_published(start: Callable[..., list[Taken]], tmp_path: Path) -> None:
+    """Beside the nodes, with the installed file; its topics are those of a run, in the namespace."""
+    given = {"scene": str(MACHINE), "overrides": "record.cloud_hz=0", "namespace": "left"}
+    _, *nodes = start(out=str(tmp_path / "out"), rviz="true", **given)
+    *_, viewer = nodes
+    assert (viewer.package, viewer.executable) == ("rviz2", "rviz2")
+    assert viewer.parameters == [{"use_sim_time": True}]
+    file = Path(viewer.arguments[1])
+    shown = yaml.safe_load(file.read_text())["Visualization Manager"]["Displays"]
+    topics = {item.get("Topic", item.get("Description Topic", {})).get("Value") for item in shown} - {None}
+    remapped = dict(viewer.remappings)
+    assert topics <= set(remapped)
+    known = {"/clock", "/tf", f"/{TOPIC_OF[SoilCloud]}", *(f"/{topic.lstrip('/')}" for topic in LATCHED)}
+    assert set(remapped) == known
+    assert remapped["/soil/points"] == "/left/soil/points"
+    _, *without = start(out=str(tmp_path / "other"), **given)
+    assert [node.executable for node in without] == [node.executable for node in nodes[:-1]]
 
 
 def test_other_modes_are_left_to_subsoil_run(start: Callable[..., list[Taken]], tmp_path: Path) -> None:

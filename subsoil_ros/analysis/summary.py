@@ -73,7 +73,7 @@ class KnownMean(StrictModel):
 
 
 class Followed(StrictModel):
-    """How the soil followed a machine that waits for nobody."""
+    """How the soil followed a machine that does not wait."""
 
     start_ns: int = Field(description="Stamp of the machine at the end of the first tick.")
     end_ns: int = Field(description="Stamp of the machine at the end of the run.")

@@ -1,4 +1,4 @@
-"""subsoil follow SCENE: soil under a machine that waits for nobody, by its poses over ROS or in a record."""
+"""subsoil follow SCENE: soil under a machine that does not wait, by its poses over ROS or in a record."""
 
 import argparse
 import math
@@ -9,7 +9,7 @@ from ..analysis.summary import Summary
 from ..api.run_frame import open_run, simulate
 from ..coupling.engines import Soil, build_soil
 from ..coupling.exit_status import caught_signals
-from ..coupling.follow.follower import Follower, Replay
+from ..coupling.follow.follower import BEHIND_S, FASTEST_M_PER_S, Follower, Replay
 from ..coupling.observer import RunWatch
 from ..coupling.run_settings import RunSettings
 from ..errors import InputError
@@ -24,6 +24,8 @@ from .arguments import add_overrides, positive_count
 from .output import say
 from .progress import RunProgress, bed_progress, reading_bag, working
 from .run.simulation import say_opened
+
+Topics = tuple[dict[str, str], dict[str, str], dict[str, str]]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -56,16 +58,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--behind",
         type=float,
-        default=0.2,
+        default=BEHIND_S,
         metavar="S",
-        help="how far the soil may fall behind the newest pose before it skips to it (default: 0.2)",
+        help="how far the soil may fall behind the newest pose before it skips to it (default: %(default)s)",
     )
     parser.add_argument(
         "--fastest",
         type=float,
-        default=10.0,
+        default=FASTEST_M_PER_S,
         metavar="M_PER_S",
-        help="speed between two poses beyond which a tool leaps, and enters the soil anew (default: 10)",
+        help="speed between two poses beyond which a tool leaps, entering the soil anew (default: %(default)s)",
     )
     parser.add_argument(
         "--replay", type=Path, metavar="RUN", help="move the tools as in an earlier run, without ROS"
@@ -80,6 +82,7 @@ def run(args: argparse.Namespace) -> int:
     if args.replay is None:
         require_ros("subsoil follow", "give --replay RUN")
         check_environment()
+        topics = _topics(resolved, args)
     settings = RunSettings(resolved, threads=args.threads)
     frame = open_run(settings, Path(args.out), shown=args.scene, bed_progress=bed_progress)
     say_opened(frame)
@@ -94,7 +97,7 @@ def run(args: argparse.Namespace) -> int:
                         frame.settings, motion_source=Replay(resolved, args.replay / "bag"), observer=watch
                     )
             else:
-                _follow(args, frame.settings, watch, bar)
+                _follow(args, topics, frame.settings, watch, bar)
 
     summary, failure = frame.complete("direct", work, watch, reading=reading_bag, working=working)
     if isinstance(summary, Summary):
@@ -121,20 +124,25 @@ def _scene(args: argparse.Namespace) -> ResolvedScene:
         )
     overrides = [f"tools.{tool}.path.may_leap=true" for tool in resolved.scene.tools]
     if args.replay is not None:
+        given = [name for name in ("pose", "odometry", "frame", "joints", "urdf") if getattr(args, name)]
+        if given:
+            raise InputError(f"--replay: given with --{given[0]}; a record has the poses: leave one out")
         end_s = 1e-9 * open_record(args.replay / "bag").end_time_ns
-        overrides.append(f"duration_s={min(resolved.scene.duration_s, end_s)!r}")
+        if end_s > 0.0:  # else Replay says that there is no tick
+            overrides.append(f"duration_s={min(resolved.scene.duration_s, end_s)!r}")
     return load_scene(args.scene, [*args.overrides, *overrides])
 
 
-def _follow(args: argparse.Namespace, settings: RunSettings, watch: RunWatch, bar: RunProgress) -> None:
+def _follow(
+    args: argparse.Namespace, topics: Topics, settings: RunSettings, watch: RunWatch, bar: RunProgress
+) -> None:
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     if words := avoid_full_memory(1):
         say(words)
     from ..ros.nodes.follow_node import FollowNode, PoseSources
 
     resolved = settings.resolved
-    poses, odometry, frames = (_by_tool(resolved, args, name) for name in ("pose", "odometry", "frame"))
-    sources = PoseSources(poses, odometry, frames, args.joints, args.urdf, args.world)
+    sources = PoseSources(*topics, args.joints, args.urdf, args.world)
     follower = Follower(resolved, watch.stop_signal, behind_s=args.behind, fastest_m_per_s=args.fastest)
     soil = build_soil(resolved, settings.threads)
     node = FollowNode(resolved, settings.run_id, follower, sources)
@@ -146,6 +154,27 @@ def _follow(args: argparse.Namespace, settings: RunSettings, watch: RunWatch, ba
     finally:
         watch.followed = follower.facts() | _removed(soil)
         node.close()
+
+
+def _topics(resolved: ResolvedScene, args: argparse.Namespace) -> Topics:
+    """Topics of poses and of odometry, and frames, by tool.
+
+    Raises:
+        InputError: options contradict each other, or are about no tool.
+    """
+    poses, odometry, frames = (_by_tool(resolved, args, name) for name in ("pose", "odometry", "frame"))
+    for tool in poses.keys() & odometry.keys():
+        raise InputError(f"--odometry {tool}: has a --pose too; give one of them")
+    for tool in frames.keys() & {*poses, *odometry}:
+        raise InputError(f"--frame {tool}: has a topic of its own; give one of them")
+    if bool(args.joints) != (args.urdf is not None):
+        raise InputError("--joints and --urdf: one is given without the other; give both, or neither")
+    framed = [frames.get(tool, tool) for tool in resolved.scene.tools if tool not in {*poses, *odometry}]
+    if args.joints and not framed:
+        raise InputError("--joints: all tools have a --pose or --odometry; leave out one of them")
+    if len(set(framed)) < len(framed):
+        raise InputError(f"--frame: two tools have the same, {framed}; give each its own")
+    return poses, odometry, frames
 
 
 def _by_tool(resolved: ResolvedScene, args: argparse.Namespace, option: str) -> dict[str, str]:
@@ -162,6 +191,8 @@ def _by_tool(resolved: ResolvedScene, args: argparse.Namespace, option: str) -> 
                 f"--{option}: given '{text}'; it must be TOOL={'FRAME' if option == 'frame' else 'TOPIC'}, "
                 f"tools are {', '.join(resolved.scene.tools)}"
             )
+        if tool in found:
+            raise InputError(f"--{option}: given twice for {tool}; give it once")
         found[tool] = value
     return found
 

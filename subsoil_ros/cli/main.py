@@ -16,7 +16,7 @@ from .interrupts import answered_interrupts
 VERBS = {
     "check": "validate a scene and print what a run of it would cost",
     "run": "simulate a scene; DIR gets bag/, scene.yaml, series.csv, summary.json and log/",
-    "follow": "soil under a machine that waits for nobody, by its poses over ROS; or by recorded ones",
+    "follow": "soil under a machine that does not wait, by its poses over ROS; or by recorded ones",
     "report": "print the metrics of a run and draw its figures (PNG)",
     "render": "pictures or a film of soil and machine, or VTK files for ParaView",
     "compare": "compare tools by scenes or runs, in words; or runs with a measured CSV",

@@ -5,6 +5,7 @@ its own steps. Both works would be equal in an exchange without delay; their dif
 exchange creates or loses.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ..errors import PhysicsError
@@ -63,7 +64,7 @@ class InterfaceAccount:
         bound: largest residual, as a part of the absolute work; None: no check.
         grace_joule: absolute work below which the bound is not applied.
         work: the account so far, in a resumed run.
-        leaps_within_s: duration of a tick where tools may leap, which no force moves; else None.
+        leaps_within_s: duration of a tick by tool that may leap, which no force does.
     """
 
     def __init__(
@@ -73,9 +74,9 @@ class InterfaceAccount:
         bound: float | None,
         grace_joule: float,
         work: InterfaceWork | None = None,
-        leaps_within_s: float | None = None,
+        leaps_within_s: Mapping[str, float] | None = None,
     ) -> None:
-        self._leaps_within_s = leaps_within_s
+        self._leaps_within_s = leaps_within_s or {}
         self._motions = motions
         self._wrenches = wrenches
         self._bound = bound
@@ -86,7 +87,7 @@ class InterfaceAccount:
         """Add a finished tick, its motions and wrenches; return the account."""
         held = soil = absolute = 0.0
         for wrench, before, after in zip(self._wrenches, self._motions, motions, strict=True):
-            interval_s = self._leaps_within_s
+            interval_s = self._leaps_within_s.get(after.tool)
             start = entry(before, after, interval_s) if interval_s is not None else None
             held += held_work_joule(wrench, start or before, after)
         for wrench in wrenches:
@@ -145,6 +146,6 @@ def account_of(
     """
     coupling = scene.coupling
     free = any(tool.inertia_kg_m2 is not None for tool in scene.tools.values())
-    leaps = step_s if scene.may_leap else None
+    leaps = {name: step_s for name, tool in scene.tools.items() if tool.may_leap}
     bound = coupling.residual_bound if (scene.moved_by_participant and not leaps) or free else None
     return InterfaceAccount(motions, wrenches, bound, coupling.residual_grace_joule, work, leaps)

@@ -213,7 +213,10 @@ class SoilEngine(SoilReadings):
         if self._may_leap:
             interval_s = self._resolved.timing.communication_step_s
             entries = [
-                entry(tool.last, motion, interval_s) for tool, motion in zip(tools, motions, strict=True)
+                entry(tool.last, motion, interval_s)
+                if self._resolved.scene.tools[tool.name].may_leap
+                else None
+                for tool, motion in zip(tools, motions, strict=True)
             ]
             if any(entries):
                 self._enter(where, entries)

@@ -159,7 +159,7 @@ class Path(StrictModel):
     may_leap: bool = Field(
         False,
         description="with external: after a motion that its velocities do not explain, the tool enters the "
-        "soil anew; particles that it overlaps are removed.",
+        "soil anew; particles that it overlaps are removed. coupling.residual_bound then does not apply.",
     )
 
     @property

@@ -92,8 +92,6 @@ class _Tool:
 class WedgeEngine:
     """Wedges, sides and wheels; one step per tick. docs/wedge.md has the equations and their sources."""
 
-    keeps_state = True
-
     def __init__(self, resolved: ResolvedScene) -> None:
         soil = resolved.scene.wedge_soil
         if soil is None:
@@ -107,7 +105,8 @@ class WedgeEngine:
         self._gravity = resolved.scene.gravity_m_per_s2
         self._tools = tuple(self._tool(name) for name in resolved.scene.tools)
         self.memory = ResistanceState()
-        self._last: tuple[ToolMotion, ...] = ()  # motions of the tick before; empty after a restart
+        self._last: tuple[ToolMotion, ...] = ()  # motions of the tick before, from which tools may leap
+        self.keeps_state = not resolved.scene.may_leap
         # loads the kernel, which at the first cut would stop a run in real time for 0.2 s
         failure(Plate(1.0, 1.0, 0.1, 0.1), strength_of(self._values, self._gravity), 0.0)
 
@@ -156,9 +155,9 @@ class WedgeEngine:
             PhysicsError: a share left the rakes of the theory, or the range its soil was fitted in.
         """
         if self._resolved.scene.may_leap:
-            for k, (before, motion) in enumerate(zip(self._last, motions, strict=False)):
+            for k, (before, motion) in enumerate(zip(self._last, motions, strict=True)):
                 start = entry(before, motion, self._interval_s)
-                if start is not None:
+                if start is not None and self._resolved.scene.tools[motion.tool].may_leap:
                     self.memory.tools[k] = _memory(self._tools[k], start)
             self._last = motions
         return self._answer(f"tick {tick}", motions)

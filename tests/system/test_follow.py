@@ -1,4 +1,4 @@
-"""`subsoil follow` beside programs that wait for nobody: poses over DDS, forces back, and a replay."""
+"""`subsoil follow` beside programs that do not wait: poses over DDS, forces back, and a replay."""
 
 import itertools
 import json
@@ -272,7 +272,12 @@ def test_frames_of_tf_are_followed(tmp_path: Path, domain: int) -> None:
         (("--pose", "tine"), "--pose: given 'tine'; it must be TOOL=TOPIC"),
         (("--behind", "0"), "--behind: given 0.0; it must be a positive number"),
         (("--fastest", "nan"), "--fastest: given nan; it must be a positive number"),
-        (("--joints", "/j"), "--joints: needs --urdf FILE"),
+        (("--joints", "/j"), "--joints and --urdf: one is given without the other"),
+        (("--pose", "tine=/a", "--pose", "tine=/b"), "--pose: given twice for tine"),
+        (("--pose", "tine=/a", "--odometry", "tine=/b"), "--odometry tine: has a --pose too"),
+        (("--pose", "tine=/a", "--frame", "tine=b"), "--frame tine: has a topic of its own"),
+        (("--pose", "tine=/a b"), "topic of poses: Invalid topic name"),
+        (("--replay", ".", "--pose", "tine=/a"), "--replay: given with --pose"),
         (("--joints", "/j", "--urdf", "none.urdf"), "--urdf none.urdf: cannot be read"),
         (("--replay", "none"), "none/bag"),
         (("--set", "tools.tine.path.external=false"), "`subsoil follow` moves the tools"),

@@ -1,1 +1,1 @@
-"""Following a machine that waits for nobody: its poses, and the time that the soil takes from them."""
+"""Following a machine that does not wait: its poses, and the time that the soil takes from them."""

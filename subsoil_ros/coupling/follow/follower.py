@@ -2,11 +2,12 @@
 
 import math
 import threading
+import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from ...errors import InputError, RecordingError
+from ...errors import InputError, RecordingError, RunError
 from ...loading.loader import ResolvedScene
 from ...messages import SpatialMotion, ToolMotion, ToolMotions, ToolWrench
 from ...recording.checkpoint import Arrays
@@ -28,14 +29,17 @@ FASTEST_M_PER_S = 10.0
 ASIDE_RAD = 0.01
 """Largest angle of a planar tool from its plane: at 0.1 m from the origin, ASIDE_M."""
 
+CLOCKS_NS = 10_000_000_000
+"""Difference of the first stamps of two tools that tells different clocks: wall time and a simulator's."""
+
 _WAIT_S = 0.1
 
 
 class Follower:
     """Moves the tools of a scene to the poses that `receive` takes, from another thread.
 
-    The soil waits for the newest pose and stays at most `behind_s` behind it; beyond, it skips to it. Time of
-    the run has no gaps: `stamp_ns` is the time of the machine that belongs to its present end.
+    The soil waits for the newest pose. It skips to it where it is more than `behind_s` behind the pose before
+    that one. Time of the run has no gaps: `stamp_ns` is the time of the machine that belongs to its end.
     """
 
     keeps_state = False
@@ -53,8 +57,11 @@ class Follower:
         self._stopped, self._behind_ns = stopped, round(1e9 * behind_s)
         self.fastest_m_per_s = fastest_m_per_s
         self._tracks = {name: PoseTrack(fastest_m_per_s) for name in self._tools}
-        self._angles_rad = {name: 0.0 for name in self._tools}
+        self._angles_rad = {motion.tool: motion.angle_rad for motion in self.initial_motions()}
         self._news = threading.Condition()
+        self._known: tuple[int, int] = (0, 0)  # times up to which all tools are known: now, and before that
+        self._rose_s = time.monotonic()
+        self._fault: Exception | None = None
         self._offset_ns: int | None = None  # from the time of the run to that of the machine
         self.stamp_ns, self._start_ns = 0, 0
         self.skipped_ns, self.skips = 0, 0
@@ -64,7 +71,9 @@ class Follower:
         """Take a pose of a tool in the world. It is refused, and counted, if it is late or not a pose."""
         with self._news:
             cause = self._out_of_plane(tool, pose) or self._tracks[tool].add(pose)
-            if not cause:
+            known_ns = self._known_ns()
+            if known_ns is not None and known_ns > self._known[0]:
+                self._known, self._rose_s = (known_ns, self._known[0]), time.monotonic()
                 self._news.notify()
         if cause:
             self.refuse(cause)
@@ -72,6 +81,17 @@ class Follower:
     def refuse(self, cause: str) -> None:
         """Count a pose that was refused."""
         self.refused[cause] += 1
+
+    def fail(self, fault: Exception) -> None:
+        """End the run: no pose can come any more."""
+        with self._news:
+            self._fault = fault
+            self._news.notify()
+
+    @property
+    def still_s(self) -> float:
+        """Wall time since the poses of all tools went on."""
+        return time.monotonic() - self._rose_s
 
     def facts(self) -> Document:
         """What it did, in the form of `run.followed` of summary.json."""
@@ -103,24 +123,32 @@ class Follower:
 
         Raises:
             InterruptedRunError: the run was stopped while it waited.
+            RunError: no pose can come, or stamps of tools are of different clocks.
         """
         end_ns = tick_end_ns(tick, self._step_ns)
         with self._news:
             while not self._reaches(end_ns):
                 if number := self._stopped():
                     raise interrupted(number).error()
+                if self._fault is not None:
+                    raise RunError(f"poses: {type(self._fault).__name__}: {self._fault}") from self._fault
                 self._news.wait(_WAIT_S)
             newest_ns = self._known_ns()
             assert newest_ns is not None
             if self._offset_ns is None:
+                self._refuse_clocks()
                 self._offset_ns, self._start_ns = newest_ns - end_ns, newest_ns
             late_ns = newest_ns - end_ns - self._offset_ns
-            if late_ns > self._behind_ns:
+            if late_ns > self._behind_ns + self._known[0] - self._known[1]:
                 self._offset_ns += late_ns
                 self.skipped_ns += late_ns
                 self.skips += 1
             self.stamp_ns = end_ns + self._offset_ns
-            return tuple(self._motion(name, track.at(self.stamp_ns)) for name, track in self._tracks.items())
+            found = []
+            for name, track in self._tracks.items():
+                found.append(self._motion(name, track.over(self.stamp_ns, self._step_ns)))
+                track.forget(self.stamp_ns - self._step_ns)
+            return tuple(found)
 
     def state_arrays(self) -> Arrays:
         """Nothing: who follows cannot go back."""
@@ -130,10 +158,17 @@ class Follower:
         """Never called, as it keeps no state."""
         raise AssertionError
 
+    def _refuse_clocks(self) -> None:
+        """Refuse tools whose stamps are far apart: the one that is behind would never be reached."""
+        stamps = {name: track.newest_ns or 0 for name, track in self._tracks.items()}
+        if max(stamps.values()) - min(stamps.values()) > CLOCKS_NS:
+            words = ", ".join(f"{name} {1e-9 * stamp:.3f} s" for name, stamp in stamps.items())
+            raise RunError(f"poses: stamps are of different clocks, {words}; stamp all by one clock")
+
     def _known_ns(self) -> int | None:
         """The time up to which all tools are known."""
         newest = [track.newest_ns for track in self._tracks.values()]
-        return None if None in newest else min(time for time in newest if time is not None)
+        return None if None in newest else min(stamp for stamp in newest if stamp is not None)
 
     def _reaches(self, end_ns: int) -> bool:
         known_ns = self._known_ns()
@@ -173,14 +208,15 @@ class Replay:
         self._records: Iterator[ToolMotions] = open_record(run).records(ToolMotions)
         first = next(self._records, None)
         wanted, found = list(resolved.scene.tools), [motion.tool for motion in first.tools] if first else []
-        if wanted != found:
+        if first is not None and wanted != found:
             raise InputError(
                 f"{run}: has motions of {found or 'no tools'}, the scene has {wanted}; name another run"
             )
-        assert first is not None
-        self._first = first.tools
         step_ns = resolved.timing.communication_step_ns
-        second = next(open_record(run).records(ToolMotions, at=lambda time_ns: time_ns > 0), first)
+        second = next(open_record(run).records(ToolMotions, at=lambda time_ns: time_ns > 0), None)
+        if first is None or second is None:
+            raise InputError(f"{run}: has no tick; name another run")
+        self._first = first.tools
         if second.end_time_ns != step_ns:
             raise InputError(
                 f"{run}: has ticks of {second.end_time_ns} ns, the scene of {step_ns} ns; add "

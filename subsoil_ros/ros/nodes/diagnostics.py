@@ -40,9 +40,9 @@ class Health:
 class Diagnostics:
     """Publishes a node's health. Stamps are wall time: rates and delays are of this machine."""
 
-    def __init__(self, node: Node, run_id: str, communication_step_ns: int) -> None:
+    def __init__(self, node: Node, run_id: str, communication_step_ns: int, task: str = "lockstep") -> None:
         self._publisher = node.create_publisher(rclpy_class(_KIND), TOPIC, VISUALIZATION_QOS)
-        self._name = f"{node.get_fully_qualified_name().lstrip('/')}: lockstep"
+        self._name = f"{node.get_fully_qualified_name().lstrip('/')}: {task}"
         self._run_id = run_id
         self._communication_step_ns = communication_step_ns
         self._last_s = time.monotonic()

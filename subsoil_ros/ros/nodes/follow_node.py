@@ -1,7 +1,6 @@
 """The node of `subsoil follow`: poses of the machine in, forces on its tools and the soil's surface out."""
 
 import threading
-import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -10,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import rclpy
 from rclpy.context import Context
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -77,18 +77,30 @@ class FollowNode:
         self._motions: ToolMotions | None = None
         self._sums: dict[str, np.ndarray] = {}  # forces and moments since the last message
         self._ticks = 0
-        self._tick, self._came_s = -1, time.monotonic()
+        self._tick, self._skips = -1, 0
         try:
             self._subscribe()
+        except InvalidTopicNameException as error:
+            rclpy.shutdown(context=self._context)
+            raise InputError(
+                f"topic of poses: {' '.join(str(error).split())}; give the name of one"
+            ) from error
         except InputError:
             rclpy.shutdown(context=self._context)
             raise
-        self._diagnostics = Diagnostics(node, run_id, resolved.timing.communication_step_ns)
+        step_ns = resolved.timing.communication_step_ns
+        self._diagnostics = Diagnostics(node, run_id, step_ns, task="follow")
         node.create_timer(1.0, self._report)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(node)
-        self._thread = threading.Thread(target=self._executor.spin, name="poses", daemon=True)
+        self._thread = threading.Thread(target=self._spin, name="poses", daemon=True)
         self._thread.start()
+
+    def _spin(self) -> None:
+        try:
+            self._executor.spin()
+        except Exception as error:  # of a callback: the run would wait for ever
+            self._follower.fail(error)
 
     def close(self) -> None:
         """Stop listening."""
@@ -123,7 +135,6 @@ class FollowNode:
             node.create_subscription(kind, f"{TRANSFORMS}_static", fixed, _FIXED_QOS)
 
     def _take(self, tool: str, pose: Pose) -> None:
-        self._came_s = time.monotonic()
         self._follower.receive(tool, pose)
 
     def _take_pose(self, tool: str, pose_of: Callable[[RosMessage], RosMessage], message: RosMessage) -> None:
@@ -143,8 +154,11 @@ class FollowNode:
             self._take(self._tool_of[frame], pose)
 
     def _take_joints(self, message: RosMessage) -> None:
-        stamp_ns = time_ns_of(message.header.stamp)
-        for frame, pose in self._robot.poses(stamp_ns, message.name, message.position):
+        angles = dict(zip(message.name, message.position, strict=False))
+        if not self._robot.joints <= angles.keys():
+            self._follower.refuse("without all joints")
+            return
+        for frame, pose in self._robot.poses(time_ns_of(message.header.stamp), angles):
             self._take(self._tool_of[frame], pose)
 
     # what the run gives
@@ -154,6 +168,8 @@ class FollowNode:
         if isinstance(record, ToolMotions):
             self._motions = record
         elif isinstance(record, ToolWrenches) and record.tick >= 0:
+            if self._skips != self._follower.skips:  # forces from before a skip are of another place
+                self._skips, self._sums, self._ticks = self._follower.skips, {}, 0
             self._add(record.tools)
             self._tick = record.tick
             if self._schedule.series_due(record.tick):
@@ -188,7 +204,7 @@ class FollowNode:
 
     def _report(self) -> None:
         follower = self._follower
-        still_s, behind_s = time.monotonic() - self._came_s, follower.behind_s
+        still_s, behind_s = follower.still_s, follower.behind_s
         level, words = Level.OK, f"{behind_s:.3f} s behind"
         if follower.awaited:
             level, words = Level.WARN, f"waits for a pose of {', '.join(follower.awaited)}"
@@ -227,19 +243,21 @@ class _Robot:
                 "--frame TOOL=LINK"
             )
         self._frames = tuple(frames)
-        self._angles: dict[str, float] = {}
+        carries = {joint.child: joint for joint in self._urdf.joint_map.values()}
+        self.joints: set[str] = set()
+        """Names of those that move the frames."""
+        for frame in frames:
+            while frame in carries:
+                joint = carries[frame]
+                if joint.type != "fixed":
+                    self.joints.add(joint.mimic.joint if joint.mimic is not None else joint.name)
+                frame = joint.parent
 
-    def poses(
-        self, stamp_ns: int, names: Iterable[str], values: Iterable[float]
-    ) -> Iterable[tuple[str, Pose]]:
-        """Poses of the frames once all joints are known."""
+    def poses(self, stamp_ns: int, angles: Mapping[str, float]) -> Iterable[tuple[str, Pose]]:
+        """Poses of the frames; angles: of `joints` at least."""
         from scipy.spatial.transform import Rotation
 
-        self._angles.update(zip(names, map(float, values), strict=False))
-        wanted = self._urdf.actuated_joint_names
-        if any(name not in self._angles for name in wanted):
-            return
-        self._urdf.update_cfg({name: self._angles[name] for name in wanted})
+        self._urdf.update_cfg({name: float(angles[name]) for name in self.joints})
         for frame in self._frames:
             matrix = self._urdf.get_transform(frame)
             if np.isfinite(matrix).all():

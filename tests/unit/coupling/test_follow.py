@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from subsoil_ros.coupling.follow.follower import Follower
 from subsoil_ros.coupling.follow.poses import FrameTree, Pose, PoseTrack
-from subsoil_ros.errors import InterruptedRunError
+from subsoil_ros.errors import InterruptedRunError, RunError
 from subsoil_ros.leaps import entry
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.messages import SpatialMotion, ToolMotion
@@ -81,14 +81,18 @@ def test_a_frame_is_carried_by_its_parents():
     for k in range(26):
         now = 20 * MS * k
         if k % 5 == 0:
-            tree.add("map", "column", Pose(now, (1.0, 2.0, 0.0), about("z", 1e-9 * now)), fixed=False)
+            turn = about("z", 1e-9 * now)
+            assert tree.add("map", "column", Pose(now, (1.0, 2.0, 0.0), turn), fixed=False) == ""
+            assert (
+                tree.add("elsewhere", "column", Pose(now, (0.0, 0.0, 0.0), turn), fixed=False) == "repeated"
+            )
             found += list(tree.poses())
         if k % 2 == 0:
             tree.add("column", "arm", Pose(now, (0.5, 0.0, 1e-9 * now), UPRIGHT), fixed=False)
             found += list(tree.poses())
     assert [name for name, _ in found] == ["bucket"] * len(found)
     times = [pose.time_ns for _, pose in found]
-    assert times == sorted(set(times))
+    assert times == [20 * MS * k for k in range(25) if k % 5 == 0 or k % 2 == 0]
     assert times[-1] == 480 * MS  # to where both are known
     for _, pose in found:
         time_s = 1e-9 * pose.time_ns
@@ -106,14 +110,14 @@ def test_frames_in_a_loop_or_without_a_world_give_nothing():
     assert list(tree.poses()) == []
 
 
-def follower(stopped=lambda: 0, spatial=True, **keys) -> Follower:
-    """Of one tool, in ticks of 10 ms."""
+def follower(stopped=lambda: 0, spatial=True, tools=("foot",), **keys) -> Follower:
+    """Of tools in ticks of 10 ms."""
     path = {"external": True, "start_z_m": 0.5, "may_leap": True, **({"turn": {}} if spatial else {})}
     scene = {
         "name": "followed",
         "duration_s": 1.0,
         "soil": {"model": "external", "bin": {"length_m": 1.0, "width_m": 1.0, "depth_m": 0.5}},
-        "tools": {"foot": {"path": path, "groups": {"foot": {"mesh": str(MESH)}}}},
+        "tools": {tool: {"path": path, "groups": {"foot": {"mesh": str(MESH)}}} for tool in tools},
         "coupling": {"communication_step_ns": TICK},
         "record": {"checkpoint_s": 0.0},
     }
@@ -150,6 +154,79 @@ def test_soil_that_is_too_far_behind_skips_to_the_newest():
     assert found.facts() == {
         "start_ns": 0, "end_ns": 300 * MS, "skipped_s": pytest.approx(0.29), "skips": 1, "refused": {},
     }  # fmt: skip
+
+
+def test_poses_that_are_rare_make_it_skip_nothing():
+    """Two a second, each a way of 50 ticks that it has yet to go."""
+    found = follower()
+    found.receive("foot", at(0.0, 0))
+    ways = [found.advance(0, ())[0].x_m]
+    for k in range(1, 4):
+        found.receive("foot", at(0.1 * k, 500 * MS * k))
+        ways += [found.advance(tick, ())[0].x_m for tick in range(50 * k - 49, 50 * k + 1)]
+    assert found.skips == 0
+    assert np.diff(ways) == pytest.approx(0.002)
+
+
+def test_poses_within_a_tick_are_no_leap():
+    """A joint whose encoder gives the same angle for a while, then the next: a step of 5 mrad in each tick."""
+    track = PoseTrack(10.0)
+    for k in range(200):
+        track.add(Pose(MS * k, (0.0, 0.0, 0.0), about("z", 0.0015 * (k // 3))))
+    for k in range(20, 190):
+        before, after = track.over(MS * (k - 10), TICK), track.over(MS * k, TICK)
+        motions = [
+            SpatialMotion.of("foot", m.pose.position_m, m.pose.quaternion, *m[1:]) for m in (before, after)
+        ]
+        assert entry(motions[0], motions[1], 0.01) is None
+    assert track.over(100 * MS, TICK).spin_rad_per_s[2] == pytest.approx(0.5, rel=0.2)
+
+
+def test_a_leap_within_a_tick_stays_one():
+    track = PoseTrack(10.0)
+    for k in range(30):
+        track.add(Pose(MS * k, (0.001 * k + (0.3 if k > 20 else 0.0), 0.0, 0.0), UPRIGHT))
+    before, after = track.over(15 * MS, TICK), track.over(25 * MS, TICK)
+    motions = [
+        SpatialMotion.of("foot", m.pose.position_m, m.pose.quaternion, *m[1:]) for m in (before, after)
+    ]
+    assert after.velocity_m_per_s == pytest.approx((1.0, 0.0, 0.0))
+    start = entry(motions[0], motions[1], 0.01)
+    assert start is not None
+    assert start.position_m == pytest.approx((0.315, 0.0, 0.0))
+
+
+def test_what_is_forgotten_is_not_needed():
+    track = PoseTrack(10.0)
+    for k in range(10):
+        track.add(at(0.01 * k, 10 * MS * k))
+    wanted = [track.over(time, TICK) for time in (45 * MS, 90 * MS)]
+    track.forget(35 * MS)
+    assert track.oldest_ns == 30 * MS
+    assert [track.over(time, TICK) for time in (45 * MS, 90 * MS)] == wanted
+
+
+def test_a_written_quaternion_is_taken():
+    track = PoseTrack(10.0)
+    assert track.add(Pose(0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.7071, 0.7071))) == ""
+    assert math.hypot(*track.at(0).pose.quaternion) == pytest.approx(1.0, abs=1e-15)
+
+
+def test_a_run_ends_where_no_pose_can_come():
+    found = follower()
+    found.receive("foot", at(0.0, 0))
+    found.advance(0, ())
+    threading.Timer(0.2, found.fail, (KeyError("joint"),)).start()
+    with pytest.raises(RunError, match="poses: KeyError: 'joint'"):
+        found.advance(1, ())
+
+
+def test_clocks_that_differ_are_told():
+    found = follower(tools=("foot", "hand"))
+    found.receive("foot", at(0.0, 1_700_000_000_000 * MS))
+    found.receive("hand", at(0.0, 5_000 * MS))
+    with pytest.raises(RunError, match=r"foot 1700000000\.000 s, hand 5\.000 s; stamp all by one clock"):
+        found.advance(0, ())
 
 
 def test_it_waits_for_a_pose_and_can_be_stopped():

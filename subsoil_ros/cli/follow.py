@@ -67,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=FASTEST_M_PER_S,
         metavar="M_PER_S",
-        help="speed between two poses beyond which a tool leaps, entering the soil anew (default: %(default)s)",
+        help="speed between two poses beyond which a tool leaps into the soil anew (default: %(default)s)",
     )
     parser.add_argument(
         "--replay", type=Path, metavar="RUN", help="move the tools as in an earlier run, without ROS"

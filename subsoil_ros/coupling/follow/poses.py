@@ -87,7 +87,7 @@ class PoseTrack:
         return [pose.time_ns for pose in self._poses if after_ns < pose.time_ns <= to_ns]
 
     def over(self, time_ns: int, interval_ns: int) -> Motion:
-        """The motion at a time as `at`, but with mean rates over the interval before, unless it leaps there."""
+        """The motion at a time, with mean rates over the interval before it, unless the frame leaps there."""
         before, after = self.at(time_ns - interval_ns).pose, self.at(time_ns)
         to_s = 1e9 / interval_ns
         x, y, z = (to_s * (b - a) for a, b in zip(before.position_m, after.pose.position_m, strict=True))

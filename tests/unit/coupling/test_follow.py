@@ -169,7 +169,7 @@ def test_poses_that_are_rare_make_it_skip_nothing():
 
 
 def test_poses_within_a_tick_are_no_leap():
-    """A joint whose encoder gives the same angle for a while, then the next: a step of 5 mrad in each tick."""
+    """A joint whose encoder gives an angle for a while, then the next one."""
     track = PoseTrack(10.0)
     for k in range(200):
         track.add(Pose(MS * k, (0.0, 0.0, 0.0), about("z", 0.0015 * (k // 3))))

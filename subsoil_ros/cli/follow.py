@@ -1,6 +1,7 @@
 """subsoil follow SCENE: soil under a machine that does not wait, by its poses over ROS or in a record."""
 
 import argparse
+import itertools
 import math
 import os
 from pathlib import Path
@@ -77,34 +78,43 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Follow poses until the scene's duration is over, or Ctrl-C."""
-    resolved = _scene(args)
+    """Follow poses until the scene's duration is over, or Ctrl-C; after a reset again, into OUT-2 and so on."""
+    resolved, topics, out = _scene(args), None, Path(args.out)
     if args.replay is None:
         require_ros("subsoil follow", "give --replay RUN")
         check_environment()
         topics = _topics(resolved, args)
+    for episode in itertools.count(1):
+        folder = out if episode == 1 else out.with_name(f"{out.name}-{episode}")
+        if not _run(args, resolved, topics, folder):
+            break
+    return 0
+
+
+def _run(args: argparse.Namespace, resolved: ResolvedScene, topics: Topics | None, out: Path) -> bool:
+    """Run into the folder; return whether it was reset. Raises what the run raises."""
     settings = RunSettings(resolved, threads=args.threads)
-    frame = open_run(settings, Path(args.out), shown=args.scene, bed_progress=bed_progress)
+    frame = open_run(settings, out, shown=args.scene, bed_progress=bed_progress)
     say_opened(frame)
     bar = RunProgress(resolved.scene.name, resolved.timing)
     watch = RunWatch(bar)
+    follower = Follower(resolved, watch.stop_signal, behind_s=args.behind, fastest_m_per_s=args.fastest)
 
     def work() -> None:
         with caught_signals(watch.signals.append):
-            if args.replay is not None:
+            if topics is None:
+                source = Replay(resolved, args.replay / "bag")
                 with bar:
-                    simulate(
-                        frame.settings, motion_source=Replay(resolved, args.replay / "bag"), observer=watch
-                    )
+                    simulate(frame.settings, motion_source=source, observer=watch)
             else:
-                _follow(args, topics, frame.settings, watch, bar)
+                _follow(args, topics, frame.settings, follower, watch, bar)
 
     summary, failure = frame.complete("direct", work, watch, reading=reading_bag, working=working)
     if isinstance(summary, Summary):
         print_summary(summary, resolved.scene, frame.out, reference=resolved.reference)
-    if failure is not None:
+    if failure is not None and not follower.is_reset:
         raise failure
-    return 0
+    return follower.is_reset
 
 
 def _scene(args: argparse.Namespace) -> ResolvedScene:
@@ -134,7 +144,12 @@ def _scene(args: argparse.Namespace) -> ResolvedScene:
 
 
 def _follow(
-    args: argparse.Namespace, topics: Topics, settings: RunSettings, watch: RunWatch, bar: RunProgress
+    args: argparse.Namespace,
+    topics: Topics,
+    settings: RunSettings,
+    follower: Follower,
+    watch: RunWatch,
+    bar: RunProgress,
 ) -> None:
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     if words := avoid_full_memory(1):
@@ -143,7 +158,6 @@ def _follow(
 
     resolved = settings.resolved
     sources = PoseSources(*topics, args.joints, args.urdf, args.world)
-    follower = Follower(resolved, watch.stop_signal, behind_s=args.behind, fastest_m_per_s=args.fastest)
     soil = build_soil(resolved, settings.threads)
     node = FollowNode(resolved, settings.run_id, follower, sources)
     domain = os.environ.get("ROS_DOMAIN_ID", "0")

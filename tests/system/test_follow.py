@@ -23,6 +23,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState, PointCloud2
 
 from subsoil_ros.cli.main import main
+from subsoil_ros.ros.nodes.run_services import dialect
 from subsoil_ros.ros.transport.ros_domain import run_domain
 from subsoil_ros.yaml_document import dump_yaml
 
@@ -263,6 +264,35 @@ def test_frames_of_tf_are_followed(tmp_path: Path, domain: int) -> None:
     end_s = 1e-9 * (followed(tmp_path)["end_ns"] - robot.start_ns)
     assert row["tool.tine.x_m"] == pytest.approx(SPEED * end_s, abs=1e-6)
     assert row["tool.tine.z_m"] == pytest.approx(0.2 + 0.01 * end_s, abs=1e-6)
+
+
+def test_a_reset_begins_again(tmp_path: Path, domain: int) -> None:
+    """By the service, in a folder of its own and fresh soil; the same process, which ends by Ctrl-C."""
+    resets = dialect().service("ResetSimulation")
+    robot = Robot(domain, lambda robot, t, stamp: robot.pose(SPEED * t, stamp))
+    process = follow(tmp_path, "--pose", "tine=/tine_pose", duration_s=60.0)
+    client = robot.node.create_client(resets, "/reset_simulation")
+    try:
+        for episode in range(2):
+            count, deadline = len(robot.wrenches), time.monotonic() + LIMIT_S
+            while (
+                len(robot.wrenches) < count + 100 and process.poll() is None and time.monotonic() < deadline
+            ):
+                time.sleep(0.01)
+            if episode == 0:
+                assert client.wait_for_service(LIMIT_S)
+                client.call(resets.Request())
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=LIMIT_S)
+    finally:
+        process.kill()
+        robot.close()
+    assert process.returncode == 130, err
+    for name, why in (("out", "ended by reset_simulation"), ("out-2", "ended by SIGINT")):
+        run = json.loads((tmp_path / name / "summary.json").read_text())["run"]
+        assert run["failure"] == why
+        assert (tmp_path / name / "series.csv").read_text().splitlines()[1].startswith("0.0,")
+        assert run["simulated_s"] > 0.05
 
 
 @pytest.mark.parametrize(

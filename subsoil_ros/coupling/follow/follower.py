@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from ...errors import InputError, RecordingError, RunError
+from ...errors import InputError, InterruptedRunError, RecordingError, RunError
 from ...loading.loader import ResolvedScene
 from ...messages import SpatialMotion, ToolMotion, ToolMotions, ToolWrench
 from ...recording.checkpoint import Arrays
@@ -62,6 +62,7 @@ class Follower:
         self._known: tuple[int, int] = (0, 0)  # times up to which all tools are known: now, and before that
         self._rose_s = time.monotonic()
         self._fault: Exception | None = None
+        self.is_reset = False
         self._offset_ns: int | None = None  # from the time of the run to that of the machine
         self.stamp_ns, self._start_ns = 0, 0
         self.skipped_ns, self.skips = 0, 0
@@ -86,6 +87,12 @@ class Follower:
         """End the run: no pose can come any more."""
         with self._news:
             self._fault = fault
+            self._news.notify()
+
+    def reset(self) -> None:
+        """End the run, so that another one begins."""
+        with self._news:
+            self.is_reset = True
             self._news.notify()
 
     @property
@@ -122,12 +129,14 @@ class Follower:
         """Motions at the end of `tick`, once poses of all tools reach so far. No wrench moves them.
 
         Raises:
-            InterruptedRunError: the run was stopped while it waited.
+            InterruptedRunError: the run was stopped while it waited, or reset.
             RunError: no pose can come, or stamps of tools are of different clocks.
         """
         end_ns = tick_end_ns(tick, self._step_ns)
         with self._news:
-            while not self._reaches(end_ns):
+            while self.is_reset or not self._reaches(end_ns):
+                if self.is_reset:
+                    raise InterruptedRunError("ended by reset_simulation")
                 if number := self._stopped():
                     raise interrupted(number).error()
                 if self._fault is not None:

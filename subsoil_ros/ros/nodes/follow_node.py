@@ -29,6 +29,8 @@ from ...schedule import Schedule
 from ..process.node_process import OWN_TIME
 from ..transport.qos import CLOUD_QOS, VISUALIZATION_QOS, RosMessage, rclpy_class
 from .diagnostics import Diagnostics, Health, Level
+from .run_control import Result
+from .run_services import dialect
 
 STALE_S = 1.0
 """Time without a new pose after which diagnostics warn: half a second of a camera, and as much again."""
@@ -91,6 +93,8 @@ class FollowNode:
         step_ns = resolved.timing.communication_step_ns
         self._diagnostics = Diagnostics(node, run_id, step_ns, task="follow")
         node.create_timer(1.0, self._report)
+        self._dialect = dialect()
+        node.create_service(self._dialect.service("ResetSimulation"), "reset_simulation", self._reset)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(node)
         self._thread = threading.Thread(target=self._spin, name="poses", daemon=True)
@@ -160,6 +164,10 @@ class FollowNode:
             return
         for frame, pose in self._robot.poses(time_ns_of(message.header.stamp), angles):
             self._take(self._tool_of[frame], pose)
+
+    def _reset(self, request: RosMessage, response: RosMessage) -> RosMessage:
+        self._follower.reset()
+        return self._dialect.fill_result(response, Result.OK, "")
 
     # what the run gives
 

@@ -78,7 +78,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Follow poses until the scene's duration is over, or Ctrl-C; after a reset again, into OUT-2 and so on."""
+    """Follow poses until the scene's duration is over, or Ctrl-C; after a reset again, into OUT-2 and on."""
     resolved, topics, out = _scene(args), None, Path(args.out)
     if args.replay is None:
         require_ros("subsoil follow", "give --replay RUN")

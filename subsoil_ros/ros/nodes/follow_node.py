@@ -138,15 +138,12 @@ class FollowNode:
             fixed = partial(self._take_transforms, fixed=True)
             node.create_subscription(kind, f"{TRANSFORMS}_static", fixed, _FIXED_QOS)
 
-    def _take(self, tool: str, pose: Pose) -> None:
-        self._follower.receive(tool, pose)
-
     def _take_pose(self, tool: str, pose_of: Callable[[RosMessage], RosMessage], message: RosMessage) -> None:
         if message.header.frame_id != self._sources.world:
             self._follower.refuse(f"in the frame '{message.header.frame_id}'")
             return
         pose = pose_of(message)
-        self._take(tool, _pose(time_ns_of(message.header.stamp), pose.position, pose.orientation))
+        self._follower.receive(tool, _pose(time_ns_of(message.header.stamp), pose.position, pose.orientation))
 
     def _take_transforms(self, message: RosMessage, *, fixed: bool) -> None:
         for item in message.transforms:
@@ -155,7 +152,7 @@ class FollowNode:
             if cause := self._tree.add(item.header.frame_id, item.child_frame_id, pose, fixed=fixed):
                 self._follower.refuse(cause)
         for frame, pose in self._tree.poses():
-            self._take(self._tool_of[frame], pose)
+            self._follower.receive(self._tool_of[frame], pose)
 
     def _take_joints(self, message: RosMessage) -> None:
         angles = dict(zip(message.name, message.position, strict=False))
@@ -163,7 +160,7 @@ class FollowNode:
             self._follower.refuse("without all joints")
             return
         for frame, pose in self._robot.poses(time_ns_of(message.header.stamp), angles):
-            self._take(self._tool_of[frame], pose)
+            self._follower.receive(self._tool_of[frame], pose)
 
     def _reset(self, request: RosMessage, response: RosMessage) -> RosMessage:
         self._follower.reset()

@@ -25,6 +25,9 @@ together find each other in about that time, and so log little."""
 DIAGNOSTICS_S = 1.0
 """Interval of messages on /diagnostics."""
 
+STALE_S = 1.0
+"""Time without a new pose after which a soil that follows warns: ten poses of a camera."""
+
 PROGRESS_S = 10.0
 """Time between two lines of the log about progress: six a minute, so a run of hours can be followed."""
 

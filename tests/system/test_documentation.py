@@ -179,6 +179,7 @@ def test_programs_exist(program, options, monkeypatch):
     monkeypatch.setattr(sys, "argv", [program, "--help"])
     monkeypatch.syspath_prepend(str(ROOT))
     if program.endswith(".py"):
+        monkeypatch.syspath_prepend(str((ROOT / program).parent))  # as python does
         start = functools.partial(runpy.run_path, str(ROOT / program))
     else:
         start = functools.partial(runpy.run_module, program)

@@ -19,7 +19,7 @@ SOURCES = [
 SHIPPED = (
     "scenes/*.yaml", "templates/*.yaml", "meshes/*.stl", "soils/*.yaml", "materials/*.yaml",
     "calibration/*.yaml", "presets/*.yaml", "references/*.yaml", "studies/*.yaml", "foxglove/*.json",
-    "*.json",
+    "rviz/*.rviz", "*.json",
 )  # fmt: skip
 
 

@@ -18,13 +18,8 @@ from ...ticks import tick_end_ns
 from ...yaml_document import Document
 from ..exit_status import interrupted
 from ..external import ASIDE_M
+from . import BEHIND_S, FASTEST_M_PER_S
 from .poses import Motion, Pose, PoseTrack
-
-BEHIND_S = 0.2
-"""How far the soil falls behind before it skips: a person at a joystick notices a delay of 0.2 s."""
-
-FASTEST_M_PER_S = 10.0
-"""Speed beyond which two poses are a leap: knives of a rotary tiller move at 5 m/s."""
 
 ASIDE_RAD = 0.01
 """Largest angle of a planar tool from its plane: at 0.1 m from the origin, ASIDE_M."""

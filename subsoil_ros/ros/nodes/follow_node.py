@@ -17,6 +17,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from ...coupling.follow.follower import Follower
 from ...coupling.follow.poses import FrameTree, Pose
+from ...coupling.time_limits import STALE_S
 from ...errors import InputError
 from ...extras import require
 from ...loading.loader import ResolvedScene
@@ -31,9 +32,6 @@ from ..transport.qos import CLOUD_QOS, VISUALIZATION_QOS, RosMessage, rclpy_clas
 from .diagnostics import Diagnostics, Health, Level
 from .run_control import Result
 from .run_services import dialect
-
-STALE_S = 1.0
-"""Time without a new pose after which diagnostics warn: half a second of a camera, and as much again."""
 
 _POSES_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Matches every publisher; a pose that is lost lies between two that came."""

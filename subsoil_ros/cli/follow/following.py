@@ -1,4 +1,4 @@
-"""subsoil follow SCENE: soil under a machine that does not wait, by its poses over ROS or in a record."""
+"""The work of `subsoil follow`; separate from its arguments, because it imports all libraries."""
 
 import argparse
 import itertools
@@ -6,78 +6,29 @@ import math
 import os
 from pathlib import Path
 
-from ..analysis.summary import Summary
-from ..api.run_frame import open_run, simulate
-from ..coupling.engines import Soil, build_soil
-from ..coupling.exit_status import caught_signals
-from ..coupling.follow.follower import BEHIND_S, FASTEST_M_PER_S, Follower, Replay
-from ..coupling.observer import RunWatch
-from ..coupling.run_settings import RunSettings
-from ..errors import InputError
-from ..extras import require_ros
-from ..loading.loader import ResolvedScene, load_scene
-from ..recording.joined import open_record
-from ..ros.transport.environment import check_environment
-from ..ros.transport.shared_memory import avoid_full_memory
-from ..run_results import print_summary
-from ..yaml_document import Document
-from .arguments import add_overrides, positive_count
-from .output import say
-from .progress import RunProgress, bed_progress, reading_bag, working
-from .run.simulation import say_opened
+from ...analysis.summary import Summary
+from ...api.run_frame import open_run, simulate
+from ...coupling.engines import Soil, build_soil
+from ...coupling.exit_status import caught_signals
+from ...coupling.follow.follower import Follower, Replay
+from ...coupling.observer import RunWatch
+from ...coupling.run_settings import RunSettings
+from ...errors import InputError
+from ...extras import require_ros
+from ...loading.loader import ResolvedScene, load_scene
+from ...recording.joined import open_record
+from ...ros.transport.environment import check_environment
+from ...ros.transport.shared_memory import avoid_full_memory
+from ...run_results import print_summary
+from ...yaml_document import Document
+from ..output import say
+from ..progress import RunProgress, bed_progress, reading_bag, working
+from ..run.simulation import say_opened
 
 Topics = tuple[dict[str, str], dict[str, str], dict[str, str]]
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("scene", help="scene file (.yaml) whose tools have path.external: true")
-    parser.add_argument("--out", required=True, metavar="DIR", help="folder for the results; must not exist")
-    parser.add_argument(
-        "--pose",
-        action="append",
-        default=[],
-        metavar="TOOL=TOPIC",
-        help="topic of a tool's PoseStamped; a tool without --pose and --odometry is a TF frame of its name",
-    )
-    parser.add_argument(
-        "--odometry", action="append", default=[], metavar="TOOL=TOPIC", help="topic of a tool's Odometry"
-    )
-    parser.add_argument(
-        "--joints", default="", metavar="TOPIC", help="topic of the JointState that moves the links of --urdf"
-    )
-    parser.add_argument(
-        "--urdf", type=Path, metavar="FILE", help="robot whose links are the frames; its root is the world"
-    )
-    parser.add_argument(
-        "--frame",
-        action="append",
-        default=[],
-        metavar="TOOL=FRAME",
-        help="TF frame or link of a tool (default: of the tool's name)",
-    )
-    parser.add_argument("--world", default="world", metavar="FRAME", help="of the poses (default: world)")
-    parser.add_argument(
-        "--behind",
-        type=float,
-        default=BEHIND_S,
-        metavar="S",
-        help="how far the soil may fall behind the newest pose before it skips to it (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--fastest",
-        type=float,
-        default=FASTEST_M_PER_S,
-        metavar="M_PER_S",
-        help="speed between two poses beyond which a tool leaps into the soil anew (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--replay", type=Path, metavar="RUN", help="move the tools as in an earlier run, without ROS"
-    )
-    parser.add_argument("--threads", type=positive_count, default=1, metavar="N", help="of the soil engine")
-    add_overrides(parser)
-
-
-def run(args: argparse.Namespace) -> int:
+def follow(args: argparse.Namespace) -> int:
     """Follow poses until the scene's duration is over, or Ctrl-C; after a reset again, into OUT-2 and on."""
     resolved, topics, out = _scene(args), None, Path(args.out)
     if args.replay is None:
@@ -154,7 +105,7 @@ def _follow(
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     if words := avoid_full_memory(1):
         say(words)
-    from ..ros.nodes.follow_node import FollowNode, PoseSources
+    from ...ros.nodes.follow_node import FollowNode, PoseSources
 
     resolved = settings.resolved
     sources = PoseSources(*topics, args.joints, args.urdf, args.world)

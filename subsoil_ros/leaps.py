@@ -9,6 +9,9 @@ from .rotations import Vector, rotation_between
 TIMES = 2.0
 """Largest way over that of the faster of both velocities; a tool that is driven moves by their mean."""
 
+NO_SPIN: Vector = (0.0, 0.0, 0.0)
+"""Of the motion that a tool in space enters by: it keeps its orientation through that one tick."""
+
 LEAST_M, LEAST_RAD = 1e-4, 1e-3
 """Largest way that needs no velocity: less than an encoder and a tracking camera tell."""
 
@@ -36,6 +39,3 @@ def entry(before: ToolMotion, after: ToolMotion, interval_s: float) -> ToolMotio
         return SpatialMotion.of(after.tool, (x, y, z), after.quaternion, after.velocity_m_per_s, NO_SPIN)
     angle = after.angle_rad - interval_s * after.angular_velocity_rad_per_s
     return replace(after, x_m=x, z_m=z, angle_rad=angle)
-
-
-NO_SPIN: Vector = (0.0, 0.0, 0.0)

@@ -46,8 +46,8 @@ class PoseSources:
     poses: Mapping[str, str] = field(default_factory=dict)  # topic of PoseStamped by tool
     odometry: Mapping[str, str] = field(default_factory=dict)  # topic of Odometry by tool
     frames: Mapping[str, str] = field(default_factory=dict)  # frame by tool; default: of the tool's name
-    joints: str = ""  # topic of JointState, which moves the frames of `urdf`; empty: /tf does
-    urdf: Path | None = None  # its root stands in the world's origin
+    joints: str = ""  # topic of JointState, which moves the frames of `urdf`
+    urdf: Path | None = None  # its root stands in the world's origin; None: the frames are those of /tf
     world: str = WORLD_FRAME
 
 
@@ -124,7 +124,7 @@ class FollowNode:
             node.create_subscription(_class("nav_msgs/msg/Odometry", "--odometry"), topic, take, _POSES_QOS)
         framed = [tool for tool in self._scene.tools if tool not in {*sources.poses, *sources.odometry}]
         self._tool_of = {sources.frames.get(tool, tool): tool for tool in framed}
-        if framed and sources.joints:
+        if framed and sources.urdf is not None:
             self._robot = _Robot(sources.urdf, self._tool_of)
             kind = rclpy_class("sensor_msgs/msg/JointState")
             node.create_subscription(kind, sources.joints, self._take_joints, _POSES_QOS)
@@ -228,9 +228,7 @@ class FollowNode:
 class _Robot:
     """Forward kinematics of a URDF by yourdfpy."""
 
-    def __init__(self, urdf: Path | None, frames: Iterable[str]) -> None:
-        if urdf is None:
-            raise InputError("--joints: needs --urdf FILE, the description of the robot")
+    def __init__(self, urdf: Path, frames: Iterable[str]) -> None:
         require("--urdf", "yourdfpy")
         import yourdfpy  # slow to import, and rarely used
 

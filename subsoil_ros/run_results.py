@@ -177,6 +177,8 @@ def _soil_words(scene: Scene) -> str:
     if scene.wedge_soil is not None:
         file = scene.wedge_soil.file
         return "wedge model" if file is None else f"wedge model {Path(file).stem}"
+    if scene.terrain_soil is not None:
+        return "terrain"
     if scene.particle_soil is None:
         return "of another program"
     soil = scene.particle_soil

@@ -28,7 +28,7 @@ class Schedule:
         """The schedule of a scene; clouds and checkpoints at the nearest multiple of the tick."""
         record, tick_ns = scene.record, timing.communication_step_ns
         cloud_ticks = checkpoint_ticks = check_ticks = 0
-        if scene.particle_soil is not None and record.cloud_hz > 0.0:
+        if scene.has_clouds and record.cloud_hz > 0.0:
             cloud_ticks = max(1, round(NANOSECONDS_PER_SECOND / (record.cloud_hz * tick_ns)))
         if record.checkpoint_s > 0.0:
             checkpoint_ticks = max(1, round(record.checkpoint_s * NANOSECONDS_PER_SECOND / tick_ns))

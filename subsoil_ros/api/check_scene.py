@@ -189,6 +189,8 @@ def _bounds(resolved: ResolvedScene, masses: Mapping[str, float] | None) -> tupl
     modulus = None
     if scene.wedge_soil is not None:
         modulus = soil_of(scene.wedge_soil).values.bed_modulus_newton_per_m3
+    elif scene.terrain_soil is not None:
+        modulus = scene.terrain_soil.values.bed_modulus_newton_per_m3
     bounds = coupling_bounds(scene, _meshes(resolved), modulus, masses)
     for bound in bounds:
         if resolved.timing.communication_step_s > bound.unstable_s:

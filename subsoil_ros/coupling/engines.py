@@ -179,6 +179,10 @@ def build_soil(resolved: ResolvedScene, threads: int, soil: ExternalSoil | None 
         from ..wedge.wedge_engine import WedgeEngine
 
         return WedgeEngine(resolved)
+    if resolved.scene.terrain_soil is not None:
+        from ..terrain.terrain_engine import TerrainEngine
+
+        return TerrainEngine(resolved)
     from ..dem.build import build_engine
 
     return build_engine(resolved, threads)

@@ -54,7 +54,7 @@ def coupling_bounds(
     """Bounds of every tool that a body carries, that rolls freely, or that a machine from outside moves;
     empty without a soil of this package.
 
-    bed_modulus_newton_per_m3: of a wedge model, from its values or its file.
+    bed_modulus_newton_per_m3: of a wedge model, from its values or its file, or of a terrain.
     external_masses_kg: effective mass of each tool, as a machine from outside gives it.
 
     The effective mass is that of the free body at its farthest point, 1 / (1/m + d^2/J): joints only add
@@ -65,6 +65,9 @@ def coupling_bounds(
     if scene.wedge_soil is not None and scene.moved_by_participant:
         assert bed_modulus_newton_per_m3 is not None
         return _wedge_bounds(scene, bed_modulus_newton_per_m3, meshes, masses)
+    if scene.terrain_soil is not None and masses:
+        assert bed_modulus_newton_per_m3 is not None
+        return _terrain_bounds(bed_modulus_newton_per_m3, meshes, masses)
     if soil is None or not masses:
         return ()
     overlap = REFERENCE_OVERLAP * soil.particles.mean_volume_radius_m
@@ -144,10 +147,24 @@ def _wedge_bounds(
     return tuple(found)
 
 
+def _terrain_bounds(
+    modulus: float, meshes: dict[str, ToolMesh], masses: Mapping[str, float]
+) -> tuple[CouplingBound, ...]:
+    """Bounds from the springs before a tool's plates, as of a wedge model."""
+    found = []
+    for name, mass in masses.items():
+        longest = float(np.sqrt(DAMPER_SHARE * mass / (modulus * _pressed_m2(meshes[name]))))
+        found.append(CouplingBound(name, longest, longest, mass, 1.0))
+    return tuple(found)
+
+
+def _pressed_m2(mesh: ToolMesh) -> float:
+    """Area of a tool's surface that is pressed at once."""
+    corners = mesh.vertices_m[mesh.facets]
+    sides = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    return PRESSED_PART * 0.5 * float(np.linalg.norm(np.cross(*sides), axis=1).sum())
+
+
 def _contact_count(soil: Soil, mesh: ToolMesh) -> float:
     """Particles that press on a tool at once, one per spacing squared of its pressed surface."""
-    corners = mesh.vertices_m[mesh.facets]
-    area = 0.5 * np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-    )
-    return max(1.0, PRESSED_PART * float(area.sum()) / particle_spacing_m(soil) ** 2)
+    return max(1.0, _pressed_m2(mesh) / particle_spacing_m(soil) ** 2)

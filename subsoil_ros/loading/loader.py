@@ -230,6 +230,8 @@ def _apply_overrides(draft: _Draft) -> None:
     soil = draft.document.get("soil")
     draft.material_file = soil.get("material") if isinstance(soil, dict) else None
     draft.document, draft.material = with_material(draft.document, draft.shown)
+    if draft.material is None:
+        draft.material_file = None  # of a terrain, which has taken its values
     _apply(draft, rest)
 
 

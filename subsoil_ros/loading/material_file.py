@@ -74,6 +74,10 @@ def with_material(document: Document, shown: str) -> tuple[Document, Material | 
             f"{shown}: soil.material: given {name!r}; it must be a material file or a soil's name"
         )
     material = read_material(Path(name), f"{shown}: soil.material")
+    if soil.get("model") == "terrain":
+        own = {key: value for key, value in soil.items() if key != "material"}
+        given = own.get("values") or {}
+        return {**document, "soil": {**own, "values": {**_terrain_values(material), **given}}}, None
     for key in _BROUGHT:
         if value_at(soil, key.split(".")) is not None:
             raise SceneError(f"{shown}: soil.{key}: given beside soil.material, which brings it; remove one")
@@ -96,6 +100,25 @@ def with_material(document: Document, shown: str) -> tuple[Document, Material | 
     if (value_at(soil, ("bed", "kind")) or "tiled") != "tiled":
         del below["bed"]
     return {**document, "soil": merge(below, own, shown)}, material
+
+
+def _terrain_values(material: Material) -> Document:
+    """Strength of a terrain of this soil: the laboratory's, and what was measured at the critical state."""
+    soil, measured = material.soil, material.measured
+    friction, cohesion = soil.friction_angle_deg, soil.cohesion_pa
+    loose = {
+        key: min(max(measured[key].value, 0.0), peak) if key in measured else peak
+        for key, peak in (("critical_friction_angle_deg", friction), ("critical_cohesion_pa", cohesion))
+    }
+    return {
+        "density_kg_per_m3": soil.bulk_density_kg_per_m3,
+        "cohesion_pa": cohesion,
+        "friction_angle_rad": math.radians(friction),
+        "loose_cohesion_pa": loose["critical_cohesion_pa"],
+        "loose_friction_angle_rad": math.radians(loose["critical_friction_angle_deg"]),
+        "adhesion_pa": 0.0,
+        "tool_friction_angle_rad": math.radians(min(soil.metal_friction_angle_deg, friction)),
+    }
 
 
 def with_window(document: Document, material: Material | None, shown: str) -> Document:

@@ -87,7 +87,7 @@ class BagWriter:
             InputError: it exists or cannot be created, or the live view cannot serve.
             RecordingError: the definitions of subsoil_msgs are not found.
         """
-        self._scene, self._soil = scene, scene.particle_soil
+        self._scene, self._soil = scene, scene.particle_soil or scene.terrain_soil
         self._communication_step_ns = timing.communication_step_ns
         self._schedule = Schedule.of(scene, timing)
         self._types = {topic: message_type(kind) for topic, kind in RECORD_OF.items()}

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..messages import SoilCloud
 from ..scene.record import SPEED_BITS, Record, position_step_m
 from ..scene.soil import Soil
+from ..scene.terrain_soil import TerrainSoil
 from .standard_messages import header, time_ns_of
 from .types import Message, message_class
 
@@ -179,21 +180,24 @@ def soil_span_m(positions_m: Positions, soil: Soil) -> tuple[float, float]:
     return cell * math.floor(low / cell), cell * math.ceil(high / cell)
 
 
-def height_map(cloud: SoilCloud, soil: Soil) -> Message:
+def height_map(cloud: SoilCloud, soil: Soil | TerrainSoil) -> Message:
     """sensor_msgs/PointCloud2 in rows and columns: centre and height of every cell, and its lift, float32.
 
     lift [m] is the height over the surface that the scene describes (z = 0, or its profile), NaN where no
     particle is. It depends only on the cloud and the soil, so a resumed run writes the same map.
     """
     half, positions = 0.5 * soil.bin.width_m, np.asarray(cloud.positions_m, np.float64)
-    low, high = soil_span_m(positions, soil)
-    grid = height_grid(positions, soil.particles.mean_volume_radius_m, ((low, -half), (high, half)))
+    if isinstance(soil, TerrainSoil):
+        grid = height_grid(positions, 0.5 * soil.cell_m, ((0.0, -half), (soil.bin.length_m, half)))
+    else:
+        low, high = soil_span_m(positions, soil)
+        grid = height_grid(positions, soil.particles.mean_volume_radius_m, ((low, -half), (high, half)))
     xs, ys = grid.centres_m()
     points = np.empty((*grid.height_m.shape, len(FIELDS)), dtype="<f4")
     points[:, :, 0], points[:, :, 1] = xs[None, :], ys[:, None]
     points[:, :, 2] = grid.height_m
     surface = np.zeros_like(xs)
-    if soil.surface is not None:
+    if isinstance(soil, Soil) and soil.surface is not None:
         surface = np.interp(xs, soil.surface.x_m, soil.surface.z_m)
     points[:, :, 3] = grid.height_m - surface[None, :]
     return points_message(cloud.end_time_ns, points, FIELDS, is_dense=False)

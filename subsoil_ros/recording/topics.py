@@ -83,7 +83,7 @@ def tool_topics(scene: Scene) -> dict[str, str]:
 def derived_topics(scene: Scene) -> dict[str, str]:
     """Topics that BagWriter derives: topic -> message type. Poses and wrenches are relative, others not."""
     topics = {CLOCK: "rosgraph_msgs/msg/Clock", TRANSFORMS: "tf2_msgs/msg/TFMessage", **tool_topics(scene)}
-    if scene.particle_soil is not None and scene.record.cloud_hz > 0.0:
+    if scene.has_clouds and scene.record.cloud_hz > 0.0:
         topics[HEIGHT_MAP] = "sensor_msgs/msg/PointCloud2"
     return topics
 
@@ -97,7 +97,7 @@ def recorded_topics(scene: Scene) -> dict[str, str]:
         kinds.append(MechanismState)
     if scene.soil is not None:
         kinds += [ToolWrenches, SoilState]
-    if scene.particle_soil is not None and scene.record.cloud_hz > 0.0:
+    if scene.has_clouds and scene.record.cloud_hz > 0.0:
         kinds.append(SoilCloud)
     return {TOPIC_OF[kind]: message_type(kind) for kind in kinds} | derived_topics(scene)
 

@@ -10,6 +10,7 @@ from .controller import Controller, DraftLimit, External
 from .mechanism import Driver, Mechanism, WheelContact
 from .record import Record
 from .soil import Auto, Soil
+from .terrain_soil import TerrainSoil
 from .time_laws import ConstantLaw
 from .tools import Tool
 from .wedge_soil import ExternalSoil, WedgeSoil
@@ -23,6 +24,7 @@ def _soil_model(soil: object) -> object:
 AnySoil = Annotated[
     Annotated[Soil, Tag("dem")]
     | Annotated[WedgeSoil, Tag("wedge")]
+    | Annotated[TerrainSoil, Tag("terrain")]
     | Annotated[ExternalSoil, Tag("external")],
     Discriminator(_soil_model),
 ]
@@ -128,6 +130,16 @@ class Scene(StrictModel):
     def wedge_soil(self) -> WedgeSoil | None:
         """The soil if it is a wedge model, without particles."""
         return self.soil if isinstance(self.soil, WedgeSoil) else None
+
+    @property
+    def terrain_soil(self) -> TerrainSoil | None:
+        """The soil if it is a height field."""
+        return self.soil if isinstance(self.soil, TerrainSoil) else None
+
+    @property
+    def has_clouds(self) -> bool:
+        """Whether the soil is shown by points."""
+        return self.particle_soil is not None or self.terrain_soil is not None
 
     @property
     def external_soil(self) -> bool:

@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
     """Validate the scene and print its tables. Raises SceneError for any error that would stop a run."""
     from ...api.check_scene import check
     from ...loading.loader import load_scene
-    from .soil_rows import material_rows, particle_rows, print_bed, wedge_rows
+    from .soil_rows import material_rows, particle_rows, print_bed, terrain_rows, wedge_rows
     from .tool_rows import tool_rows
 
     resolved = load_scene(args.scene, args.overrides)
@@ -69,6 +69,8 @@ def run(args: argparse.Namespace) -> int:
         if found.at_work:
             rows = ((number.name, number.text) for number in found.at_work)
             console.print(_facts("soil at work", rows))
+    if scene.terrain_soil is not None:
+        console.print(_facts("soil, terrain", terrain_rows(resolved, scene.terrain_soil)))
     if scene.wedge_soil is not None:
         console.print(_facts("soil, wedge model", wedge_rows(resolved, scene.wedge_soil)))
     if args.verbose:

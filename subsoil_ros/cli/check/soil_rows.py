@@ -16,6 +16,7 @@ from ...scene.bed_kinds import GridBed, SavedBed, TiledBed
 from ...scene.material import Material
 from ...scene.pair_laws import layer_soils, particle_spacing_m
 from ...scene.soil import Soil, SoilWindow, rupture_distance_m
+from ...scene.terrain_soil import TerrainSoil
 from ...scene.tool_faces import cutting_faces, wheel_face
 from ...scene.tool_mesh import load_tool_mesh
 from ...scene.wedge_soil import WedgeSoil
@@ -75,6 +76,27 @@ def wedge_rows(resolved: ResolvedScene, soil: WedgeSoil) -> Iterable[tuple[str, 
                 f"{what} {name}.{mesh.groups[face.group]}",
                 f"width {face.width_m:.4g} m, rake {math.degrees(face.rake_rad):.1f} degrees",
             )
+
+
+def terrain_rows(resolved: ResolvedScene, soil: TerrainSoil) -> Iterable[tuple[str, str]]:
+    """Rows of the strength of a terrain, and of what each tool holds."""
+    from ...terrain.tool_shape import held_m3, views
+
+    values = soil.values
+    for name, cohesion, friction in (
+        ("firm", values.cohesion_pa, values.friction_angle_rad),
+        ("loose", values.loose_cohesion_pa, values.loose_friction_angle_rad),
+    ):
+        yield name, f"c = {cohesion:.4g} Pa, phi = {math.degrees(friction):.3g} deg"
+    delta = math.degrees(values.tool_friction_angle_rad)
+    yield "on tools", f"c_a = {values.adhesion_pa:.4g} Pa, delta = {delta:.3g} deg"
+    yield "density", f"{values.density_kg_per_m3:.4g} kg/m3, loosened by {100.0 * values.loosening:.3g} %"
+    rows, columns = soil.shape
+    yield "cells", f"{rows} x {columns} of {1e3 * soil.cell_m:g} mm"
+    for name in resolved.scene.tools:
+        mesh = load_tool_mesh(resolved.directory, resolved.scene, name).about_body()
+        held = max((held_m3(view, soil.cell_m) for view in views(mesh, soil.cell_m)), default=0.0)
+        yield f"tool {name}", f"holds {1e3 * held:.3g} l, level" if held > 0.0 else "holds no soil"
 
 
 def particle_rows(resolved: ResolvedScene, soil: Soil, count: int) -> Iterable[tuple[str, str]]:

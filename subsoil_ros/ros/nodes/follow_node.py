@@ -70,7 +70,7 @@ class FollowNode:
             topic: node.create_publisher(rclpy_class(kind), topic, VISUALIZATION_QOS)
             for topic, kind in tool_topics(resolved.scene).items()
         }
-        if resolved.scene.particle_soil is not None and resolved.scene.record.cloud_hz > 0.0:
+        if resolved.scene.has_clouds and resolved.scene.record.cloud_hz > 0.0:
             cloud = rclpy_class("sensor_msgs/msg/PointCloud2")
             for topic in (TOPIC_OF[SoilCloud], HEIGHT_MAP):
                 self._publishers[topic] = node.create_publisher(cloud, topic, CLOUD_QOS)
@@ -178,7 +178,7 @@ class FollowNode:
             if self._schedule.series_due(record.tick):
                 self._publish_tools(record.tools)
         elif isinstance(record, SoilCloud):
-            soil = self._scene.particle_soil
+            soil = self._scene.particle_soil or self._scene.terrain_soil
             cloud = replace(record, end_time_ns=self._follower.stamp_ns)
             if soil is not None:
                 self._publishers[TOPIC_OF[SoilCloud]].publish(serialize(point_cloud(cloud)))

@@ -1,0 +1,300 @@
+"""Forces of a terrain on a tool: passive earth pressure on its plates and before its mouth, bearing where it
+presses down, friction along it, and the weight that it carries.
+
+A plate that moves into the soil meets the pressure K gamma z + K_c c, or a spring's where that is less. K and
+K_c are those of the three-dimensional wedge of McKyes and Ali before a plate of its rake and width
+(wedge/failure_wedge.py). Where it looks down, they are larger by exp(2 theta tan phi), theta being its tilt
+beyond the upright: the fan of shear between a wall and a footing, V.V. Sokolovskii, Statics of Granular Media
+(1965); at theta = 90 degrees it gives Prandtl's N_q = tan^2(45 + phi / 2) exp(pi tan phi).
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from ..wedge.failure_wedge import Plate, Strength, least_wedge, wedge_terms
+from .terrain_field import Array, cell_of, column_of, world_of
+
+SIDEWAYS_CELLS = 1.25
+"""Distance from a surface at which the soil beside it is looked up, in cells: beyond the cell it touches."""
+
+CLOSE_CELLS = 0.05
+"""Gap below the tool up to which soil carries it, in cells."""
+
+LOWEST_RAKE = math.radians(15.0)
+"""Rake of a plate below which it meets no passive pressure: the charts of McKyes (1985) begin there."""
+
+SLOWEST_M_PER_S = 1e-3
+"""Speed below which friction goes to zero with it."""
+
+LEAST_DEPTH_M = 1e-3
+"""Depth below which a plate is out of the soil: the theory divides by it."""
+
+
+class Surface(NamedTuple):
+    """Points of a tool's surface in world axes, plate by plate."""
+
+    arms_m: Array  # (points, 3) from the tool's origin
+    normals: Array  # (points, 3)
+    areas_m2: Array  # (points,)
+
+
+class Felt(NamedTuple):
+    """Forces on a tool, about its origin, in world axes; and what is needed to find them."""
+
+    group_newton: Array  # (groups, 3)
+    torque_newton_m: Array  # (3,)
+    press_m: Array  # (plates + 1,) how far the spring of each plate is pressed, the mouth's last
+    drift_m_per_s: Array  # (3,) of the soil in the cavity against the tool, which passes under it
+    depth_m: Array  # (points,) of each point that is in contact; negative: it is not
+
+
+@njit(cache=True, error_model="numpy")
+def passive(width, rake, depth, strength, speed):
+    """Normal pressure on a plate over gamma z, over c, and the rest [Pa], of the wedge that fails first."""
+    plate = Plate(width, rake, depth, depth)
+    beta, _ = least_wedge(plate, strength, speed)
+    _, weight, cohesion, surcharge, adhesion, inertia = wedge_terms(plate, strength, beta)
+    area = width * depth / math.sin(rake)
+    normal = math.cos(strength.tool_friction) / area
+    by_weight = normal * weight / (0.5 * strength.unit_weight * depth)
+    rest = normal * (surcharge + max(adhesion, 0.0) + inertia * speed * speed)
+    return by_weight, normal * cohesion / strength.cohesion if strength.cohesion > 0.0 else 0.0, rest
+
+
+@njit(cache=True, error_model="numpy")
+def _at_wall(strength, friction, adhesion):
+    """The strength at a wall of other friction [rad] and adhesion [Pa]."""
+    s = strength
+    return Strength(
+        s.unit_weight, s.density, s.cohesion, s.friction, adhesion, friction, s.surcharge, s.speed_factor,
+        s.plane_sides,
+    )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy")
+def depth_before(ground, x, y, z, ahead_x, ahead_y, around):
+    """Mean depth of a point below the surface over the wedge before it: beside it, one depth and two ahead.
+
+    ahead: level, of the length at which soil beside the point is looked up. Columns under the tool and beside
+    the bin count as the soil around.
+    """
+    i, j = cell_of(ground, x + ahead_x, y + ahead_y)
+    if i < 0:
+        return -1.0
+    deep = ground.firm_m[i, j] + ground.loose_m[i, j] - z
+    size = math.hypot(ahead_x, ahead_y)
+    if deep <= 0.0 or size == 0.0:
+        return deep
+    total = deep
+    for k in (1.0, 2.0):
+        far = 1.0 + k * deep / size
+        i, j = cell_of(ground, x + far * ahead_x, y + far * ahead_y)
+        known = i >= 0 and ground.under_m[i, j] == np.inf
+        total += max((ground.firm_m[i, j] + ground.loose_m[i, j] if known else around) - z, 0.0)
+    return total / 3.0
+
+
+@njit(cache=True, error_model="numpy")
+def find_contact(ground, cavity, pose, surface, around, felt):
+    """Set `depth_m`: of each point of the surface that has soil outside, beside the cavity."""
+    o, cell = pose.origin_m, ground.cell_m
+    far = SIDEWAYS_CELLS * cell
+    for k in range(surface.arms_m.shape[0]):
+        felt.depth_m[k] = -1.0
+        p, n = surface.arms_m[k], surface.normals[k]
+        x, y, z = o[0] + p[0], o[1] + p[1], o[2] + p[2]
+        i, j = cell_of(ground, x + far * n[0], y + far * n[1])
+        if i < 0:
+            continue
+        top, under = ground.firm_m[i, j] + ground.loose_m[i, j], ground.under_m[i, j]
+        covered = under < np.inf
+        if top < z - cell or (covered and top < under - CLOSE_CELLS * cell):
+            continue
+        near = 0.5 * cell
+        a, _, above = column_of(cavity, cell, pose, x + near * n[0], y + near * n[1], z + near * n[2])
+        if a >= 0 and above > -0.25 * cell:
+            continue
+        if covered:  # below the tool: soil that carries it has the depth of the ground around
+            felt.depth_m[k] = around - z
+        else:
+            felt.depth_m[k] = depth_before(ground, x, y, z, far * n[0], far * n[1], around)
+
+
+@njit(cache=True, error_model="numpy")
+def add_force(felt, group, arm, force):
+    """Add a force at an arm from the tool's origin."""
+    for d in range(3):
+        felt.group_newton[group, d] += force[d]
+    felt.torque_newton_m[0] += arm[1] * force[2] - arm[2] * force[1]
+    felt.torque_newton_m[1] += arm[2] * force[0] - arm[0] * force[2]
+    felt.torque_newton_m[2] += arm[0] * force[1] - arm[1] * force[0]
+
+
+@njit(cache=True, error_model="numpy")
+def _patch(surface, first, last, felt):
+    """Of the points from first to last that are in contact: area, depth times area, largest depth, area
+    vector, its middle times area."""
+    area, mean, deep = 0.0, 0.0, 0.0
+    normal, middle = np.zeros(3), np.zeros(3)
+    for k in range(first, last):
+        z = felt.depth_m[k]
+        if z > 0.0:
+            part = surface.areas_m2[k]
+            area += part
+            mean += part * z
+            deep = max(deep, z)
+            for d in range(3):
+                normal[d] += part * surface.normals[k, d]
+                middle[d] += part * surface.arms_m[k, d]
+    return area, mean, deep, normal, middle
+
+
+@njit(cache=True, error_model="numpy")
+def _extent(surface, first, last, felt, across):
+    """Extent of the points that are in contact, along a direction."""
+    low, high = np.inf, -np.inf
+    for k in range(first, last):
+        if felt.depth_m[k] > 0.0:
+            p = surface.arms_m[k]
+            place = across[0] * p[0] + across[1] * p[1] + across[2] * p[2]
+            low, high = min(low, place), max(high, place)
+    return high - low
+
+
+@njit(cache=True, error_model="numpy")
+def press_plates(shape, surface, pose, strength, soft, interval, felt):
+    """Add the forces on all plates. soft: pressure over displacement of the spring [N/m3]."""
+    for number in range(shape.plate_group.shape[0]):
+        first, last = shape.plate_first[number], shape.plate_first[number + 1]
+        area, mean, deep, normal, middle = _patch(surface, first, last, felt)
+        if area == 0.0 or deep < LEAST_DEPTH_M:
+            felt.press_m[number] = 0.0
+            continue
+        normal /= math.sqrt(normal @ normal)
+        level = math.hypot(normal[0], normal[1])
+        across = np.array([0.0, 1.0, 0.0])
+        if level > 1e-6:
+            across = np.array([-normal[1] / level, normal[0] / level, 0.0])
+        tall = _extent(surface, first, last, felt, np.cross(normal, across))
+        width = max(_extent(surface, first, last, felt, across), area / max(tall, 1e-6))
+        velocity = pose.velocity_m_per_s + np.cross(pose.spin_rad_per_s, middle / area)
+        into = velocity @ normal
+        by_weight, more = _pressures(math.atan2(level, normal[2]), width, deep, strength, into)
+        # a footing at the surface bears gamma B N_gamma / 2, about that of N_q at the depth B / 2
+        foot = max(-normal[2], 0.0) * 0.5 * min(width, tall)
+        limit = by_weight * (mean / area + foot) + more
+        pressed = min(max(felt.press_m[number] + into * interval, 0.0), limit / soft)
+        felt.press_m[number] = pressed
+        # its damper makes up for the force that is held over a tick
+        part = min(max(pressed + into * interval, 0.0) * soft / limit, 1.0) if limit > 0.0 else 0.0
+        along = velocity - into * normal
+        along /= math.sqrt(along @ along) + SLOWEST_M_PER_S
+        rest = (1.0 - math.sin(strength.friction)) * strength.unit_weight
+        for k in range(first, last):
+            z = felt.depth_m[k]
+            if z > 0.0:
+                pressure = part * (by_weight * (z + foot) + more)
+                shear = math.tan(strength.tool_friction) * max(pressure, rest * z) + strength.adhesion
+                force = -surface.areas_m2[k] * (pressure * normal + shear * along)
+                add_force(felt, shape.plate_group[number], surface.arms_m[k], force)
+
+
+@njit(cache=True, error_model="numpy")
+def _pressures(rake, width, deep, strength, speed):
+    """Passive pressure on a plate, per depth [Pa/m], and the rest [Pa]; beyond 90 degrees it looks down."""
+    if rake < LOWEST_RAKE:
+        return 0.0, 0.0
+    theta = max(rake - 0.5 * math.pi, 0.0)
+    fan = math.exp(2.0 * theta * math.tan(strength.friction))
+    facing = _at_wall(strength, strength.tool_friction * math.cos(theta), strength.adhesion)
+    by_weight, by_cohesion, more = passive(width, min(rake, 0.5 * math.pi), deep, facing, max(speed, 0.0))
+    return fan * by_weight * strength.unit_weight, fan * (by_cohesion * strength.cohesion + more)
+
+
+@njit(cache=True, error_model="numpy")
+def _mouth(ground, cavity, pose, around):
+    """Of the rims, at most a cell above the floor beside them, that move towards soil: width [m], mean depth
+    [m] and speed [m/s], mean point at a third of the depth, from the tool's origin, and mean level direction."""
+    cell, shape = ground.cell_m, cavity.floor_m.shape
+    width, depth, speed, at, ahead = 0.0, 0.0, 0.0, np.zeros(3), np.zeros(3)
+    for a in range(shape[0]):
+        for b in range(shape[1]):
+            floor = cavity.floor_m[a, b]
+            if math.isnan(floor):
+                continue
+            for da, db in ((-1, 0), (1, 0), (0, -1), (0, 1)):
+                wall = cavity.walls_m[0 if db == 0 else 1, min(a, a + da), min(b, b + db)]
+                if not math.isnan(cavity.floor_m[a + da, b + db]) or wall > floor + cell:
+                    continue
+                x, y, z = world_of(cavity, cell, pose, a + 0.5 * da, b + 0.5 * db, floor)
+                u, v, _ = world_of(cavity, cell, pose, a + 2.0 * da, b + 2.0 * db, floor)
+                size = math.hypot(u - x, v - y)
+                deep = depth_before(ground, x, y, z, u - x, v - y, around)
+                if deep < LEAST_DEPTH_M or size < 0.1 * cell:
+                    continue
+                arm = np.array([x, y, z]) - pose.origin_m
+                way = np.array([(u - x) / size, (v - y) / size, 0.0])
+                fast = (pose.velocity_m_per_s + np.cross(pose.spin_rad_per_s, arm)) @ way
+                if fast > 0.0:
+                    width += cell
+                    depth += cell * deep
+                    speed += cell * fast
+                    ahead += cell * way
+                    at += cell * (arm + np.array([0.0, 0.0, deep / 3.0]))
+    part = 1.0 / max(width, cell)
+    return width, part * depth, part * speed, part * at, ahead / max(math.sqrt(ahead @ ahead), 1e-12)
+
+
+@njit(cache=True, error_model="numpy")
+def _held_newton(ground, cavity, width, strength):
+    """Force that pushes back what is in a cavity: friction on its floor, and passive pressure of its mean
+    height against the back."""
+    content, columns = 0.0, 0
+    for a in range(cavity.floor_m.shape[0]):
+        for b in range(cavity.floor_m.shape[1]):
+            if not math.isnan(cavity.floor_m[a, b]):
+                content += cavity.carried_m[a, b]
+                columns += 1
+    height, flow = content / columns, math.tan(0.25 * math.pi + 0.5 * strength.friction)
+    weight = strength.unit_weight * content * ground.cell_m * ground.cell_m / ground.swell
+    passive_pa = 0.5 * strength.unit_weight * height * flow * flow + 2.0 * strength.cohesion * flow
+    return weight * math.tan(strength.tool_friction) + width * height * passive_pa
+
+
+@njit(cache=True, error_model="numpy")
+def press_mouth(ground, cavity, pose, around, strength, soft, interval, felt):
+    """Add the force of the soil before a cavity's mouth, whichever is less: its passive wedge fails, or what
+    is in the cavity is pushed back. Then the soil stays where it is and the tool passes under it."""
+    width, depth, speed, at, ahead = _mouth(ground, cavity, pose, around)
+    mouth = felt.press_m.shape[0] - 1
+    felt.drift_m_per_s[:] = 0.0
+    if width == 0.0:
+        felt.press_m[mouth] = 0.0
+        return
+    by_weight, by_cohesion, more = passive(width, 0.5 * math.pi, depth, _at_wall(strength, 0.0, 0.0), speed)
+    area = width * depth
+    most = area * (0.5 * by_weight * strength.unit_weight * depth + by_cohesion * strength.cohesion + more)
+    held = _held_newton(ground, cavity, width, strength)
+    felt.drift_m_per_s[:] = -speed * min(max(2.0 - 2.0 * held / most, 0.0), 1.0) * ahead
+    limit = min(most, held)
+    pressed = min(felt.press_m[mouth] + speed * interval, limit / (soft * area))
+    felt.press_m[mouth] = pressed
+    add_force(felt, 0, at, -min(soft * area * (pressed + speed * interval), limit) * ahead)
+
+
+@njit(cache=True, error_model="numpy")
+def carry(ground, cavity, pose, weight, felt):
+    """Add the weight of what the cavity holds; weight: of a volume of loose soil [N/m3]."""
+    cell = ground.cell_m
+    for a in range(cavity.floor_m.shape[0]):
+        for b in range(cavity.floor_m.shape[1]):
+            thick = cavity.carried_m[a, b]
+            if thick > 0.0:
+                x, y, z = world_of(cavity, cell, pose, a, b, cavity.floor_m[a, b] + 0.5 * thick)
+                volume = thick * cell * cell
+                add_force(
+                    felt, 0, np.array([x, y, z]) - pose.origin_m, np.array([0.0, 0.0, -weight * volume])
+                )

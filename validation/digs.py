@@ -1,0 +1,164 @@
+"""The terrain model against particles: a bucket penetrates, drags, curls and lifts.
+
+    python -m validation.digs [--soils SOIL ...] [--digs A B C] [--cell-mm MM]
+    python -m validation.digs --radius-mm R --write FOLDER    # particles, five minutes a dig at 10 mm
+
+The bucket of examples/bucket_arm, 0.2 m wide, takes soil along prescribed ways. The first command digs in
+terrains and prints their mean forces beside those of particles of 10 mm, whose tables of 20 ms means are in
+validation/studies/digs. The model has no fitted number; docs/terrain.md says what was known when it was made.
+"""
+
+import argparse
+import csv
+import math
+import sys
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from subsoil_ros.coupling.engines import build_soil
+from subsoil_ros.loading.loader import ResolvedScene, load_scene
+from subsoil_ros.mbd.tool_paths import PathEngine
+
+MESH = Path(__file__).parents[1] / "examples" / "bucket_arm" / "bucket.stl"
+
+TABLES = Path(__file__).parent / "studies" / "digs"
+"""Tables of particles of 10 mm."""
+
+Waypoint = tuple[float, float, float, float]
+"""Time [s]; x and z of the bucket's pin [m]; pitch [rad]."""
+
+DIGS: dict[str, tuple[Waypoint, ...]] = {
+    # the lip goes down 70 mm, is drawn 0.26 m while the bucket levels, curled and lifted
+    "A": ((0.0, 0.62, 0.25, -0.7), (0.6, 0.60, 0.12, -0.7), (1.8, 0.34, 0.12, -0.2), (2.4, 0.32, 0.18, 0.6),
+          (3.0, 0.32, 0.40, 0.6)),
+    # deeper and steeper: 100 mm, a short way
+    "B": ((0.0, 0.60, 0.25, -0.9), (0.8, 0.58, 0.105, -0.9), (1.8, 0.40, 0.11, -0.3), (2.5, 0.38, 0.18, 0.6),
+          (3.0, 0.38, 0.40, 0.6)),
+    # shallow and long: 40 mm
+    "C": ((0.0, 0.70, 0.25, -0.5), (0.5, 0.68, 0.145, -0.5), (2.1, 0.28, 0.13, -0.1), (2.5, 0.26, 0.18, 0.6),
+          (3.0, 0.26, 0.40, 0.6)),
+}  # fmt: skip
+"""Ways of the bucket (chosen), from waypoint to waypoint along half cosines."""
+
+PHASES = ("penetrate", "drag", "curl", "lift")
+"""From waypoint to waypoint."""
+
+BIN = {"length_m": 0.95, "width_m": 0.6, "depth_m": 0.25, "sides": "walls"}
+"""Two widths of the bucket of soil beside it, and as much below its deepest cut as that is deep."""
+
+ROW_S, SAMPLE_S = 0.02, 0.05
+"""Of the tables, and of the poses between which the paths interpolate."""
+
+
+def poses(dig: str) -> dict[str, list[object]]:
+    """The way of a dig as `path.poses`."""
+    points = np.array(DIGS[dig])
+    times = np.arange(0.0, points[-1, 0] + 1.5 * SAMPLE_S, SAMPLE_S)
+    which = np.clip(np.searchsorted(points[:, 0], times, side="right") - 1, 0, len(points) - 2)
+    part = np.clip((times - points[which, 0]) / np.diff(points[:, 0])[which], 0.0, 1.0)
+    part = 0.5 - 0.5 * np.cos(math.pi * part)
+    x, z, pitch = (points[which, 1:] + part[:, None] * np.diff(points[:, 1:], axis=0)[which]).T
+    return {
+        "times_s": times.tolist(),
+        "positions_m": [[a, 0.0, b] for a, b in zip(x.tolist(), z.tolist(), strict=True)],
+        "rotations_rad": [[0.0, angle, 0.0] for angle in pitch.tolist()],
+    }
+
+
+def scene_of(dig: str, soil: dict[str, object]) -> ResolvedScene:
+    """A dig in a soil."""
+    return load_scene(
+        {
+            "name": f"dig_{dig}",
+            "duration_s": DIGS[dig][-1][0],
+            "soil": {"bin": BIN, **soil},
+            "tools": {"bucket": {"path": {"poses": poses(dig)}, "groups": {"bucket": {"mesh": str(MESH)}}}},
+        }
+    )
+
+
+def dug(scene: ResolvedScene) -> NDArray[np.float64]:
+    """Rows of end time [s] and mean force x, y, z [N]."""
+    soil, paths = build_soil(scene, 1), PathEngine(scene.scene, scene.timing)
+    assert soil is not None
+    motions = paths.initial_motions()
+    wrenches = soil.start(motions)
+    step = scene.timing.communication_step_s
+    per_row = round(ROW_S / step)
+    forces = np.empty((round(scene.scene.duration_s / step) // per_row * per_row, 3))
+    for tick in range(len(forces)):
+        motions = paths.advance(tick, wrenches)
+        wrenches = soil.advance(tick, motions)
+        one = wrenches[0]
+        forces[tick] = one.force_x_newton, one.force_y_newton, one.force_z_newton
+    means = forces.reshape(-1, per_row, 3).mean(axis=1)
+    return np.column_stack([per_row * step * np.arange(1, len(means) + 1), means])
+
+
+def write_table(path: Path, rows: NDArray[np.float64]) -> None:
+    """A table of a dig."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(("end_s", "force_x_newton", "force_y_newton", "force_z_newton"))
+        writer.writerows([[f"{value:.6g}" for value in row] for row in rows])
+
+
+def phase_means(rows: NDArray[np.float64], dig: str) -> NDArray[np.float64]:
+    """Mean force [N] of each phase (phases, 3)."""
+    times = [point[0] for point in DIGS[dig]]
+    return np.array([rows[(rows[:, 0] > a) & (rows[:, 0] <= b), 1:].mean(axis=0) for a, b in pairwise(times)])
+
+
+JUDGED = (
+    ("penetrate", 2, "up"),
+    ("drag", 0, "back"),
+    ("drag", 2, "up"),
+    ("curl", 0, "back"),
+    ("lift", 2, "up"),
+)
+"""Phase, axis and name of the mean forces that are compared: work of the dig, and the weight that it lifts."""
+
+
+def compared(soil: str, dig: str, rows: NDArray[np.float64]) -> Iterator[str]:
+    """Rows of the table for one dig."""
+    table = np.loadtxt(TABLES / f"{soil}_{dig}.csv", delimiter=",", skiprows=1)
+    particles, terrain = phase_means(table, dig), phase_means(rows, dig)
+    for phase, axis, way in JUDGED:
+        one, other = particles[PHASES.index(phase), axis], terrain[PHASES.index(phase), axis]
+        yield f"| {soil} | {dig} | {phase}, {way} | {one:.1f} | {other:.1f} | {other / one:.2f} |"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Digs; prints the comparison, or writes tables of particles."""
+    parser = argparse.ArgumentParser(prog="python -m validation.digs")
+    parser.add_argument("--soils", nargs="+", default=["dry_sand", "sandy_loam", "loam"])
+    parser.add_argument("--digs", nargs="+", default=list(DIGS), choices=DIGS)
+    parser.add_argument("--cell-mm", type=float, default=20.0)
+    parser.add_argument("--radius-mm", type=float)
+    parser.add_argument("--write", type=Path)
+    args = parser.parse_args(arguments)
+    if (args.radius_mm is None) != (args.write is None):
+        parser.error("--radius-mm, --write: given one of them; particles need both, a terrain none")
+    if args.write is None:
+        print("| soil | dig | force | particles N | terrain N | ratio |\n" + "|---" * 6 + "|")
+    for soil in args.soils:
+        for dig in args.digs:
+            if args.write is not None:
+                radius_m = 1e-3 * args.radius_mm
+                rows = dug(scene_of(dig, {"material": soil, "particles": {"radius_m": radius_m}}))
+                write_table(args.write / f"{soil}_{dig}.csv", rows)
+            elif (TABLES / f"{soil}_{dig}.csv").exists():
+                rows = dug(
+                    scene_of(dig, {"model": "terrain", "material": soil, "cell_m": 1e-3 * args.cell_mm})
+                )
+                print("\n".join(compared(soil, dig, rows)), flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -3,9 +3,9 @@ presses down, friction along it, and the weight that it carries.
 
 A plate that moves into the soil meets the pressure K gamma z + K_c c, or a spring's where that is less. K and
 K_c are those of the three-dimensional wedge of McKyes and Ali before a plate of its rake and width
-(wedge/failure_wedge.py). Where it looks down, they are larger by exp(2 theta tan phi), theta being its tilt
+(wedge/failure_wedge.py). Where it looks down, K is larger by exp(2 theta tan phi), theta being its tilt
 beyond the upright: the fan of shear between a wall and a footing, V.V. Sokolovskii, Statics of Granular Media
-(1965); at theta = 90 degrees it gives Prandtl's N_q = tan^2(45 + phi / 2) exp(pi tan phi).
+(1965). At theta = 90 degrees this gives Prandtl's N_q = tan^2(45 + phi / 2) exp(pi tan phi) and N_c.
 """
 
 import math
@@ -207,11 +207,14 @@ def _pressures(rake, width, deep, strength, speed):
     """Passive pressure on a plate, per depth [Pa/m], and the rest [Pa]; beyond 90 degrees it looks down."""
     if rake < LOWEST_RAKE:
         return 0.0, 0.0
-    theta = max(rake - 0.5 * math.pi, 0.0)
-    fan = math.exp(2.0 * theta * math.tan(strength.friction))
+    theta, tangent = max(rake - 0.5 * math.pi, 0.0), math.tan(strength.friction)
+    fan = math.exp(2.0 * theta * tangent)
     facing = _at_wall(strength, strength.tool_friction * math.cos(theta), strength.adhesion)
     by_weight, by_cohesion, more = passive(width, min(rake, 0.5 * math.pi), deep, facing, max(speed, 0.0))
-    return fan * by_weight * strength.unit_weight, fan * (by_cohesion * strength.cohesion + more)
+    # cohesion is as a pressure c cot(phi) all over (corresponding states): K - 1 where weight has K
+    cohesive = (fan * by_weight - 1.0) / (by_weight - 1.0) if tangent > 1e-6 else 1.0 + theta
+    rest = cohesive * by_cohesion * strength.cohesion + fan * more
+    return fan * by_weight * strength.unit_weight, rest
 
 
 @njit(cache=True, error_model="numpy")

@@ -101,7 +101,7 @@ class TerrainEngine:
         )
 
     def start(self, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
-        """Wrenches of the initial state; soil that a tool overlaps is moved out."""
+        """Wrenches of the initial state; soil in a cavity is carried, soil that a tool overlaps removed."""
         for tool, motion in zip(self._tools, motions, strict=True):
             tool.motion = motion
         return tuple(self._moved(tool, motion) for tool, motion in zip(self._tools, motions, strict=True))
@@ -197,7 +197,7 @@ class TerrainEngine:
             arms = tool.shape.points_m @ pose.rotation.T
             around, close = touch(ground, arms, pose.origin_m, tool.box)
             self._look(tool, pose)
-            cut(ground, tool.cavity, pose, tool.box)
+            cut(ground, tool.cavity, pose, tool.box, before is motion)
             drift(tool.cavity, ground.cell_m, self._interval_s / steps * (tool.drift_m_per_s @ pose.rotation))
             settle(ground, tool.cavity, pose)
             self._slide(tool)

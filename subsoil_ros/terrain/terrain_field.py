@@ -139,9 +139,9 @@ def touch(ground, arms, origin, box):
 
 
 @njit(cache=True, error_model="numpy")
-def cut(ground, cavity, pose, box):
-    """Move the soil above the tool's lowest points into its cavity, or ahead of it; whether there was any."""
-    moved = False
+def cut(ground, cavity, pose, box, at_start):
+    """Move the soil above the tool's lowest points into its cavity, or ahead of it; at the start, that is not
+    heaped up but removed."""
     for i in range(box[0], box[2]):
         for j in range(box[1], box[3]):
             under = max(ground.under_m[i, j], ground.lowest_m)
@@ -154,7 +154,6 @@ def cut(ground, cavity, pose, box):
             a, b, above = column_of(cavity, ground.cell_m, pose, x, y, z)
             if a < 0 and nearest(cavity, ground.cell_m, pose, x, y, z)[0] >= 0:
                 continue  # just before a lip or beside a wall, which reaches the middle later
-            moved = True
             loose = min(ground.loose_m[i, j], top - under)
             firm = max(top - under - loose, 0.0)
             ground.loose_m[i, j] -= loose
@@ -162,9 +161,8 @@ def cut(ground, cavity, pose, box):
             volume = loose + ground.swell * firm
             if a >= 0 and above >= 0.0:
                 cavity.carried_m[a, b] += volume
-            else:
+            elif not at_start:
                 _push(ground, pose, x, y, z, volume)
-    return moved
 
 
 @njit(cache=True, error_model="numpy")

@@ -125,14 +125,19 @@ def _view(dense: Array, axes: Array, cell_m: float) -> View:
     np.maximum.at(fine, (((a - corner[0]) / part).astype(int), ((b - corner[1]) / part).astype(int)), up)
     blocks = fine.reshape(shape[0], FINE, shape[1], FINE)
     floor = blocks[:, middle - 1 : middle + 1, :, middle - 1 : middle + 1].min(axis=(1, 3))
-    walls = np.full((2, *shape), np.inf)
     rows = np.maximum(fine[:, middle - 1 :: FINE], fine[:, middle::FINE])
     columns = np.maximum(fine[middle - 1 :: FINE], fine[middle::FINE])
-    for k in range(shape[0] - 1):
-        walls[0, k] = rows[FINE * k + middle : FINE * (k + 1) + middle].max(axis=0)
-    for k in range(shape[1] - 1):
-        walls[1, :, k] = columns[:, FINE * k + middle : FINE * (k + 1) + middle].max(axis=1)
+    walls = np.stack([_walls(rows), _walls(columns.T).T])
     return View(axes, corner, np.where(np.isfinite(floor), floor, np.nan), walls)
+
+
+def _walls(fine: Array) -> Array:
+    """Highest surface between the middles of columns along the first axis, thin walls in a middle included."""
+    a, b, c, d = (fine[k::FINE] for k in range(FINE))
+    ridge = np.where(np.maximum(b, c) > np.maximum(a, d), np.maximum(b, c), -np.inf)
+    between = np.maximum(d[:-1], a[1:])
+    whole = np.maximum(between, np.maximum(ridge[:-1], ridge[1:]))
+    return np.concatenate([whole, np.full((1, whole.shape[1]), np.inf)])
 
 
 def held_m3(view: View, cell_m: float) -> float:

@@ -125,10 +125,15 @@ def _view(dense: Array, axes: Array, cell_m: float) -> View:
     np.maximum.at(fine, (((a - corner[0]) / part).astype(int), ((b - corner[1]) / part).astype(int)), up)
     blocks = fine.reshape(shape[0], FINE, shape[1], FINE)
     floor = blocks[:, middle - 1 : middle + 1, :, middle - 1 : middle + 1].min(axis=(1, 3))
-    rows = np.maximum(fine[:, middle - 1 :: FINE], fine[:, middle::FINE])
-    columns = np.maximum(fine[middle - 1 :: FINE], fine[middle::FINE])
+    rows = _lower(fine[:, middle - 1 :: FINE], fine[:, middle::FINE])
+    columns = _lower(fine[middle - 1 :: FINE], fine[middle::FINE])
     walls = np.stack([_walls(rows), _walls(columns.T).T])
     return View(axes, corner, np.where(np.isfinite(floor), floor, np.nan), walls)
+
+
+def _lower(one: Array, other: Array) -> Array:
+    """The lower of two heights side by side, as of a floor; the other where one has no surface."""
+    return np.where(np.isfinite(one) & np.isfinite(other), np.minimum(one, other), np.maximum(one, other))
 
 
 def _walls(fine: Array) -> Array:

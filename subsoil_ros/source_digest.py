@@ -33,6 +33,9 @@ WITHOUT_RESULTS = ("cli", "ros", "figures")
 LAWS = "contact_laws"
 """Folder of the contact laws, whose kernels those of the engines call."""
 
+THEORY = "wedge"
+"""Folder of the theory of failing soil, whose kernels those of a terrain call."""
+
 KEPT_AS = f"sources-{sys.version_info.major}.{sys.version_info.minor}.json"
 """File of what was taken from sources; syntax trees differ between versions of Python."""
 
@@ -54,19 +57,20 @@ def kernel_digest(source: Path, package: Path = PACKAGE) -> str:
     """sha256 hex for the kernels of the file `source`: of it and all that it imports in its own folder.
 
     Its own folder is that below `package`, with subfolders: a kernel calls only kernels of the same engine,
-    and those of contact laws. Laws are chosen when a kernel is compiled: all count that are there, with the
-    sources of laws of other packages.
+    those of the theory of wedges, and those of contact laws. Laws are chosen when a kernel is compiled: all
+    count that are there, with the sources of laws of other packages.
     The names of all modules and classes of the engine count too: a compiled kernel names the types of its
     arguments.
     """
     engine, laws = package / source.relative_to(package).parts[0], package / LAWS
+    followed = (engine, package / THEORY)
     found = {source}
     waiting = [source]
     while waiting:
         imported = _imported(waiting.pop())
         if any(path.is_relative_to(laws) for path in imported):
             found.add(laws)
-        new = {path for path in imported if path.is_relative_to(engine)} - found
+        new = {path for path in imported if any(map(path.is_relative_to, followed))} - found
         found |= new
         waiting.extend(new)
     types = sorted(f"{file.relative_to(engine)} {source_of(file).classes}" for file in engine.rglob("*.py"))

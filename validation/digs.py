@@ -121,7 +121,7 @@ JUDGED = (
     ("curl", 0, "back"),
     ("lift", 2, "up"),
 )
-"""Phase, axis and name of the mean forces that are compared: work of the dig, and the weight that it lifts."""
+"""Phase, axis and name of the mean forces that are compared."""
 
 
 def compared(soil: str, dig: str, rows: NDArray[np.float64]) -> Iterator[str]:

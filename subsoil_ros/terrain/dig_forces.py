@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from ..wedge.failure_wedge import Plate, Strength, least_wedge, wedge_terms
-from .terrain_field import Array, cell_of, column_of, world_of
+from .terrain_field import Array, cell_of, floor_at, local_of, world_of
 
 SIDEWAYS_CELLS = 1.25
 """Distance from a surface at which the soil beside it is looked up, in cells: beyond the cell it touches."""
@@ -114,8 +114,8 @@ def find_contact(ground, cavity, pose, surface, around, felt):
         if top < z - cell or (covered and top < under - CLOSE_CELLS * cell):
             continue
         near = 0.5 * cell
-        a, _, above = column_of(cavity, cell, pose, x + near * n[0], y + near * n[1], z + near * n[2])
-        if a >= 0 and above > -0.25 * cell:
+        a, b, up = local_of(cavity, cell, pose, x + near * n[0], y + near * n[1], z + near * n[2])
+        if up - floor_at(cavity, a, b) > -0.25 * cell:
             continue
         if covered:  # below the tool: soil that carries it has the depth of the ground around
             felt.depth_m[k] = around - z
@@ -220,7 +220,7 @@ def _pressures(rake, width, deep, strength, speed):
 @njit(cache=True, error_model="numpy")
 def _mouth(ground, cavity, pose, around):
     """Of the rims, at most a cell above the floor beside them, that move towards soil: width [m], mean depth
-    [m] and speed [m/s], mean point at a third of the depth, from the tool's origin, and mean level direction."""
+    [m] and speed [m/s], mean point at a third of the depth, from the tool's origin, mean level direction."""
     cell, shape = ground.cell_m, cavity.floor_m.shape
     width, depth, speed, at, ahead = 0.0, 0.0, 0.0, np.zeros(3), np.zeros(3)
     for a in range(shape[0]):

@@ -17,8 +17,8 @@ from .dig_forces import Felt, Surface, carry, find_contact, press_mouth, press_p
 from .terrain_field import Array, Cavity, Ground, Pose, cut, drift, regrid, settle, slide, touch
 from .tool_shape import PITCHES_RAD, ToolShape, View, tool_shape, views
 
-STEP_CELLS = 0.5
-"""Way of any point of a tool between two cuts, in cells."""
+STEP_CELLS = 1.0
+"""Largest way of any point of a tool between two cuts, in cells."""
 
 STILL_M = 1e-5
 """Amount below which soil that slides is at rest."""

@@ -77,22 +77,24 @@ def cell_of(ground, x, y):
 
 
 @njit(cache=True, error_model="numpy")
-def column_of(cavity, cell, pose, x, y, z):
-    """(a, b, height over the floor) of the column of the cavity that a world point is in; a = -1: in none."""
+def local_of(cavity, cell, pose, x, y, z):
+    """Column (a, b), perhaps beyond the grid, and coordinate up of a world point."""
+    m, e = pose.rotation, cavity.axes
     dx, dy, dz = x - pose.origin_m[0], y - pose.origin_m[1], z - pose.origin_m[2]
-    m = pose.rotation
     q0 = m[0, 0] * dx + m[1, 0] * dy + m[2, 0] * dz
     q1 = m[0, 1] * dx + m[1, 1] * dy + m[2, 1] * dz
     q2 = m[0, 2] * dx + m[1, 2] * dy + m[2, 2] * dz
-    e = cavity.axes
     a = math.floor((e[0, 0] * q0 + e[0, 1] * q1 + e[0, 2] * q2 - cavity.corner_m[0]) / cell)
     b = math.floor((e[1, 0] * q0 + e[1, 1] * q1 + e[1, 2] * q2 - cavity.corner_m[1]) / cell)
-    if not (0 <= a < cavity.floor_m.shape[0] and 0 <= b < cavity.floor_m.shape[1]):
-        return -1, -1, 0.0
-    floor = cavity.floor_m[a, b]
-    if math.isnan(floor):
-        return -1, -1, 0.0
-    return a, b, e[2, 0] * q0 + e[2, 1] * q1 + e[2, 2] * q2 - floor
+    return a, b, e[2, 0] * q0 + e[2, 1] * q1 + e[2, 2] * q2
+
+
+@njit(cache=True, error_model="numpy")
+def floor_at(cavity, a, b):
+    """Floor of a column; NaN beyond the grid."""
+    if 0 <= a < cavity.floor_m.shape[0] and 0 <= b < cavity.floor_m.shape[1]:
+        return cavity.floor_m[a, b]
+    return np.nan
 
 
 @njit(cache=True, error_model="numpy")
@@ -119,11 +121,13 @@ def touch(ground, arms, origin, box):
     """
     ground.under_m[box[0] : box[2], box[1] : box[3]] = np.inf
     box[0], box[1], box[2], box[3] = ground.firm_m.shape[0], ground.firm_m.shape[1], 0, 0
+    per_cell, (rows, columns) = 1.0 / ground.cell_m, ground.firm_m.shape
+    from_x, from_y = origin[0] - ground.corner_m[0], origin[1] - ground.corner_m[1]
     for k in range(arms.shape[0]):
-        x, y, z = origin[0] + arms[k, 0], origin[1] + arms[k, 1], origin[2] + arms[k, 2]
-        i, j = cell_of(ground, x, y)
-        if i >= 0:
-            ground.under_m[i, j] = min(ground.under_m[i, j], z)
+        x, y = (from_x + arms[k, 0]) * per_cell, (from_y + arms[k, 1]) * per_cell
+        if 0.0 <= x < rows and 0.0 <= y < columns:
+            i, j = int(x), int(y)
+            ground.under_m[i, j] = min(ground.under_m[i, j], origin[2] + arms[k, 2])
             box[0], box[1] = min(box[0], i), min(box[1], j)
             box[2], box[3] = max(box[2], i + 1), max(box[3], j + 1)
     total, count, close = 0.0, 0, False
@@ -151,15 +155,16 @@ def cut(ground, cavity, pose, box, at_start):
             x = ground.corner_m[0] + (i + 0.5) * ground.cell_m
             y = ground.corner_m[1] + (j + 0.5) * ground.cell_m
             z = 0.5 * (top + under)
-            a, b, above = column_of(cavity, ground.cell_m, pose, x, y, z)
-            if a < 0 and nearest(cavity, ground.cell_m, pose, x, y, z)[0] >= 0:
+            a, b, up = local_of(cavity, ground.cell_m, pose, x, y, z)
+            floor = floor_at(cavity, a, b)
+            if math.isnan(floor) and nearest(cavity, ground.cell_m, pose, x, y, z)[0] >= 0:
                 continue  # just before a lip or beside a wall, which reaches the middle later
             loose = min(ground.loose_m[i, j], top - under)
             firm = max(top - under - loose, 0.0)
             ground.loose_m[i, j] -= loose
             ground.firm_m[i, j] -= firm
             volume = loose + ground.swell * firm
-            if a >= 0 and above >= 0.0:
+            if up >= floor:
                 cavity.carried_m[a, b] += volume
             elif not at_start:
                 _push(ground, pose, x, y, z, volume)
@@ -262,7 +267,9 @@ def _bank_fails(ground, high, low, cohesion_height, friction):
 def settle(ground, cavity, pose):
     """Let the soil in a cavity slide once, in it, out of it and into it."""
     shape = cavity.floor_m.shape
-    up = pose.rotation[2] @ cavity.axes[2]  # cosine
+    world = cavity.axes @ pose.rotation.T  # rows: the axes of the columns in the world
+    ways = ground.cell_m * world[0], ground.cell_m * world[1]
+    up = world[2, 2]
     for a in range(shape[0]):
         for b in range(shape[1]):
             if math.isnan(cavity.floor_m[a, b]):
@@ -277,7 +284,7 @@ def settle(ground, cavity, pose):
                     if math.isnan(cavity.floor_m[c, d]):
                         _over_rim(ground, cavity, pose, a, b, c, d, wall, up)
                     elif way > 0:
-                        _between(ground, cavity, pose, a, b, c, d, wall, up)
+                        _between(ground, cavity, (ways[axis], world[2]), (a, b), (c, d), wall)
 
 
 @njit(cache=True, error_model="numpy")
@@ -287,7 +294,7 @@ def regrid(ground, old, new, pose):
     for a in range(old.floor_m.shape[0]):
         for b in range(old.floor_m.shape[1]):
             thick = old.carried_m[a, b]
-            count = math.ceil(2.0 * thick / cell)
+            count = math.ceil(thick / cell)
             for k in range(count):
                 x, y, z = world_of(old, cell, pose, a, b, old.floor_m[a, b] + (k + 0.5) * thick / count)
                 c, d = nearest(new, cell, pose, x, y, z)
@@ -301,12 +308,10 @@ def regrid(ground, old, new, pose):
 @njit(cache=True, error_model="numpy")
 def nearest(cavity, cell, pose, x, y, z):
     """The nearest column, a cell away at most, whose floor is not above a point; (-1, -1) without one."""
-    m, e = pose.rotation, cavity.axes
+    a, b, up = local_of(cavity, cell, pose, x, y, z)
     for da, db in NEAREST:
-        q = da * cell * e[0] + db * cell * e[1]
-        a, b, above = column_of(cavity, cell, pose, x + m[0] @ q, y + m[1] @ q, z + m[2] @ q)
-        if a >= 0 and above >= -0.5 * cell:
-            return a, b
+        if up - floor_at(cavity, a + da, b + db) >= -0.5 * cell:  # not with NaN
+            return a + da, b + db
     return -1, -1
 
 
@@ -341,46 +346,45 @@ def _drop(ground, cavity, pose, a, b):
 
 
 @njit(cache=True, error_model="numpy")
-def _between(ground, cavity, pose, a, b, c, d, wall, up):
-    """Let soil slide between two columns of the cavity, over the wall between them."""
-    one = cavity.floor_m[a, b] + cavity.carried_m[a, b]
-    other = cavity.floor_m[c, d] + cavity.carried_m[c, d]
-    x, y, z = world_of(cavity, ground.cell_m, pose, a, b, one)
-    u, v, w = world_of(cavity, ground.cell_m, pose, c, d, other)
-    excess = abs(z - w) - math.tan(ground.loose_friction_rad) * math.hypot(x - u, y - v)
-    if excess <= 0.0:
-        return
-    amount = 0.5 * excess / up
-    if z > w:
-        amount = min(amount, cavity.carried_m[a, b], max(one - wall, 0.0))
-        if amount <= 0.0 or _heap_stands(ground, cavity, pose, a, b, c - a, d - b):
-            return
-    else:
-        amount = min(amount, cavity.carried_m[c, d], max(other - wall, 0.0))
-        if amount <= 0.0 or _heap_stands(ground, cavity, pose, c, d, a - c, b - d):
-            return
-        amount = -amount
-    cavity.carried_m[a, b] -= amount
-    cavity.carried_m[c, d] += amount
+def _apart(ways, count, rise):
+    """Level distance and height to a point some columns and, along up, a rise [m] away; `ways`: those of a
+    column and of 1 m up, in the world."""
+    one, up = ways
+    x, y = count * one[0] + rise * up[0], count * one[1] + rise * up[1]
+    return math.hypot(x, y), count * one[2] + rise * up[2]
 
 
 @njit(cache=True, error_model="numpy")
-def _heap_stands(ground, cavity, pose, a, b, da, db):
+def _between(ground, cavity, ways, here, there, wall):
+    """Let soil slide between two columns of the cavity, over the wall between."""
+    floor, carried = cavity.floor_m, cavity.carried_m
+    if carried[here] == 0.0 and carried[there] == 0.0:
+        return
+    one, other = floor[here] + carried[here], floor[there] + carried[there]
+    run, rise = _apart(ways, 1, other - one)
+    excess = abs(rise) - math.tan(ground.loose_friction_rad) * run
+    if excess <= 0.0:
+        return
+    high, low, top, way = (here, there, one, 1) if rise < 0.0 else (there, here, other, -1)
+    amount = min(0.5 * excess / ways[1][2], carried[high], max(top - wall, 0.0))
+    if amount > 0.0 and not _heap_stands(ground, cavity, ways, way, high, low):
+        carried[high] -= amount
+        carried[low] += amount
+
+
+@njit(cache=True, error_model="numpy")
+def _heap_stands(ground, cavity, ways, way, high, low):
     """Whether the soil of a column stands over those that follow in one direction, up to the rim."""
     if ground.loose_cohesion_height_m == 0.0:
         return False
-    cell = ground.cell_m
-    x, y, z = world_of(cavity, cell, pose, a, b, cavity.floor_m[a, b] + cavity.carried_m[a, b])
+    top = cavity.floor_m[high] + cavity.carried_m[high]
     for n in BANK_CELLS:
-        c, d = a + n * da, b + n * db
-        inside = 0 <= c < cavity.floor_m.shape[0] and 0 <= d < cavity.floor_m.shape[1]
-        if inside and not math.isnan(cavity.floor_m[c, d]):
-            u, v, w = world_of(cavity, cell, pose, c, d, cavity.floor_m[c, d] + cavity.carried_m[c, d])
-        else:  # over the rim: the bank ends at it
+        c, d = high[0] + n * (low[0] - high[0]), high[1] + n * (low[1] - high[1])
+        floor = floor_at(cavity, c, d)
+        if math.isnan(floor):
             return True
-        if not stands(
-            ground.loose_cohesion_height_m, ground.loose_friction_rad, z - w, math.hypot(x - u, y - v)
-        ):
+        run, rise = _apart(ways, way * n, floor + cavity.carried_m[c, d] - top)
+        if not stands(ground.loose_cohesion_height_m, ground.loose_friction_rad, -rise, run):
             return False
     return True
 

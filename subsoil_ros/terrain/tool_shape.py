@@ -137,7 +137,7 @@ def _lower(one: Array, other: Array) -> Array:
 
 
 def _walls(fine: Array) -> Array:
-    """Highest surface between the middles of columns along the first axis, thin walls in a middle included."""
+    """Highest surface between the middles of columns along the first axis, thin walls in one included."""
     a, b, c, d = (fine[k::FINE] for k in range(FINE))
     ridge = np.where(np.maximum(b, c) > np.maximum(a, d), np.maximum(b, c), -np.inf)
     between = np.maximum(d[:-1], a[1:])

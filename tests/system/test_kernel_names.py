@@ -13,7 +13,7 @@ import subsoil_ros
 from numba.core.registry import CPUDispatcher
 
 package = Path(subsoil_ros.__file__).parent
-for folder in ("mbd", "dem", "wedge", "contact_laws"):
+for folder in ("mbd", "dem", "wedge", "terrain", "contact_laws"):
     for path in (package / folder).rglob("*.py"):
         if "gpu" not in path.parts:
             import_module(".".join(path.relative_to(package.parent).with_suffix("").parts))

@@ -138,7 +138,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m validation.digs")
     parser.add_argument("--soils", nargs="+", default=["dry_sand", "sandy_loam", "loam"])
     parser.add_argument("--digs", nargs="+", default=list(DIGS), choices=DIGS)
-    parser.add_argument("--cell-mm", type=float, default=20.0)
+    parser.add_argument("--cell-mm", type=float, default=10.0)
     parser.add_argument("--radius-mm", type=float)
     parser.add_argument("--write", type=Path)
     args = parser.parse_args(arguments)

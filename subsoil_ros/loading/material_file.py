@@ -77,6 +77,8 @@ def with_material(document: Document, shown: str) -> tuple[Document, Material | 
     if soil.get("model") == "terrain":
         own = {key: value for key, value in soil.items() if key != "material"}
         given = own.get("values") or {}
+        if not isinstance(given, dict):
+            raise SceneError(f"{shown}: soil.values: given {given!r}; it must be a mapping of values")
         return {**document, "soil": {**own, "values": {**_terrain_values(material), **given}}}, None
     for key in _BROUGHT:
         if value_at(soil, key.split(".")) is not None:

@@ -15,7 +15,7 @@ from ..scene.soil import Soil
 from ..scene.tool_faces import CuttingFace, cutting_faces, wheel_face
 from ..scene.tool_mesh import load_tool_mesh
 from ..scene.tools import Path as ToolPath
-from ..scene.wedge_soil import SoilRange, WedgeSoil, WedgeValues
+from ..scene.wedge_soil import LARGEST_SUM_RAD, SoilRange, WedgeSoil, WedgeValues
 from ..strict_model import StrictModel
 from ..yaml_document import Document, dump_yaml, read_document
 from .validation import validated
@@ -26,11 +26,6 @@ RANGE_MARGIN = 1.2
 RAKES_RAD = (math.radians(15.0), 0.5 * math.pi)
 """Rakes that the wedge theory covers: the charts of McKyes (1985) begin near 15 degrees; on a face that leans
 forward beyond the vertical, soil stays on the tool and acts as a part of it."""
-
-LARGEST_SUM_RAD = math.radians(170.0)
-"""Largest sum of rake, friction and tool friction: the wedge's force tends to infinity as these and beta add
-up to 180 degrees."""
-
 
 LARGEST_YAW_RAD = math.radians(45.0)
 """Largest angle between a plate's normal and its travel, seen from above: beyond it a plate moves more along

@@ -182,6 +182,8 @@ class Scene(StrictModel):
             carried.add(tool.body)
         if self.mechanism and self.tools and any(t.body is None for t in self.tools.values()):
             raise ValueError("tools: with a mechanism every tool needs a 'body'")
+        if self.terrain_soil is not None and self.gravity_m_per_s2 == 0.0:
+            raise ValueError("gravity_m_per_s2: given 0, and a terrain is held by its weight; give more")
         _check_external(self)
         _check_spatial(self)
         for name, force in (self.mechanism.forces if self.mechanism else {}).items():

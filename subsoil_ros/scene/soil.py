@@ -13,7 +13,7 @@ from .sizes import Particles
 
 
 class Bin(StrictModel):
-    """Open box: x in [0, length], y in [-width/2, width/2]; particles only, tools may cross it.
+    """Open box: x in [0, length], y in [-width/2, width/2]; soil only, tools may cross it.
 
     z = 0 is the mean top of the prepared bed; the floor follows from the bed. Periodic sides: what leaves at
     y = width/2 comes in at -width/2, as if the bin were a slice of an endless one; tools keep off them, or go

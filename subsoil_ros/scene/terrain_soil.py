@@ -1,12 +1,16 @@
 """Terrain: soil as a height field that tools dig."""
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from ..strict_model import NonNegative, Positive, StrictModel, WithinReach
 from .soil import Bin
-from .wedge_soil import FrictionAngle
+from .wedge_soil import LARGEST_SUM_RAD, FrictionAngle
+
+MOST_CELLS = 20_000_000
+"""Largest number of cells: they take 0.5 GB."""
 
 
 class TerrainValues(StrictModel):
@@ -42,6 +46,13 @@ class TerrainValues(StrictModel):
                     f"{tool}: {getattr(self, tool):g} is above {soil} {getattr(self, soil):g}; give at most "
                     "that"
                 )
+        friction = 0.5 * (self.friction_angle_rad + self.loose_friction_angle_rad)
+        most = LARGEST_SUM_RAD - 0.5 * math.pi - friction
+        if self.tool_friction_angle_rad > most:
+            raise ValueError(
+                f"tool_friction_angle_rad: given {self.tool_friction_angle_rad:g}; at a mean friction angle "
+                f"of {friction:.3g} rad the wedge before an upright plate takes {most:.3g} at most"
+            )
         return self
 
 
@@ -51,9 +62,29 @@ class TerrainSoil(StrictModel):
     model: Literal["terrain"]
     bin: Bin = Field(description="soil lies in it, level at z = 0 at first.")
     cell_m: Positive = Field(
-        0.02, description="of the height field: a fifth of the smallest width of a tool."
+        0.02, description="of the height field: a tenth of the width of a tool, or less."
     )
     values: TerrainValues
+
+    @model_validator(mode="after")
+    def _cells_fit(self) -> "TerrainSoil":
+        if self.bin.sides != "walls":
+            raise ValueError(
+                f"bin.sides: given '{self.bin.sides}', which only particles have; a terrain ends at 'walls'"
+            )
+        most = 0.25 * min(self.bin.length_m, self.bin.width_m)
+        if self.cell_m > most:
+            raise ValueError(
+                f"cell_m: given {self.cell_m:g}; a terrain of {self.bin.length_m:g} x {self.bin.width_m:g} m "
+                f"takes {most:g} at most, four cells along its shorter side"
+            )
+        rows, columns = self.shape
+        if rows * columns > MOST_CELLS:
+            raise ValueError(
+                f"cell_m: given {self.cell_m:g}, which makes {rows * columns:,} cells; at most "
+                f"{MOST_CELLS:,} are allowed: give larger cells or a smaller bin"
+            )
+        return self
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -11,6 +11,11 @@ from .soil import Bin
 LARGEST_FRICTION_ANGLE_RAD = math.radians(55.0)
 """Largest friction angle: no soil has more, and beyond it the wedge of a raked blade has no solution."""
 
+LARGEST_SUM_RAD = math.radians(170.0)
+"""Largest sum of rake, friction and tool friction: the wedge's force tends to infinity as these and beta add
+up to 180 degrees."""
+
+
 FrictionAngle = Annotated[
     float, Field(ge=0.0, le=LARGEST_FRICTION_ANGLE_RAD, allow_inf_nan=False), WithinReach
 ]

@@ -29,6 +29,9 @@ LOWEST_RAKE = math.radians(15.0)
 SLOWEST_M_PER_S = 1e-3
 """Speed below which friction goes to zero with it."""
 
+LEVEL = 0.17
+"""Level part of the normal of a plate up to which it is a footing: 10 degrees."""
+
 LEAST_DEPTH_M = 1e-3
 """Depth below which a plate is out of the soil: the theory divides by it."""
 
@@ -153,8 +156,17 @@ def _patch(surface, first, last, felt):
 
 
 @njit(cache=True, error_model="numpy")
+def _count(first, last, felt):
+    """Number of points that are in contact."""
+    count = 0
+    for k in range(first, last):
+        count += felt.depth_m[k] > 0.0
+    return count
+
+
+@njit(cache=True, error_model="numpy")
 def _extent(surface, first, last, felt, across):
-    """Extent of the points that are in contact, along a direction."""
+    """Extent of the points that are in contact, from the first to the last, along a direction."""
     low, high = np.inf, -np.inf
     for k in range(first, last):
         if felt.depth_m[k] > 0.0:
@@ -175,11 +187,16 @@ def press_plates(shape, surface, pose, strength, soft, interval, felt):
             continue
         normal /= math.sqrt(normal @ normal)
         level = math.hypot(normal[0], normal[1])
-        across = np.array([0.0, 1.0, 0.0])
-        if level > 1e-6:
-            across = np.array([-normal[1] / level, normal[0] / level, 0.0])
-        tall = _extent(surface, first, last, felt, np.cross(normal, across))
-        width = max(_extent(surface, first, last, felt, across), area / max(tall, 1e-6))
+        left = pose.rotation[:, 1].copy()  # the tool's y axis
+        across = left - (left @ normal) * normal
+        if level > LEVEL or across @ across < LEVEL:
+            across = np.array([-normal[1], normal[0], 0.0])
+        across /= math.sqrt(across @ across)
+        spacing = math.sqrt(area / max(_count(first, last, felt), 1))
+        tall = _extent(surface, first, last, felt, np.cross(normal, across)) + spacing
+        width = _extent(surface, first, last, felt, across) + spacing
+        if level <= LEVEL:
+            width, tall = max(width, tall), min(width, tall)  # of a footing
         velocity = pose.velocity_m_per_s + np.cross(pose.spin_rad_per_s, middle / area)
         into = velocity @ normal
         by_weight, more = _pressures(math.atan2(level, normal[2]), width, deep, strength, into)
@@ -268,7 +285,7 @@ def _held_newton(ground, cavity, width, strength):
 
 
 @njit(cache=True, error_model="numpy")
-def press_mouth(ground, cavity, pose, around, strength, soft, interval, felt):
+def press_mouth(ground, cavity, group, pose, around, strength, soft, interval, felt):
     """Add the force of the soil before a cavity's mouth, whichever is less: its passive wedge fails, or what
     is in the cavity is pushed back. Then the soil stays where it is and the tool passes under it."""
     width, depth, speed, at, ahead = _mouth(ground, cavity, pose, around)
@@ -285,11 +302,11 @@ def press_mouth(ground, cavity, pose, around, strength, soft, interval, felt):
     limit = min(most, held)
     pressed = min(felt.press_m[mouth] + speed * interval, limit / (soft * area))
     felt.press_m[mouth] = pressed
-    add_force(felt, 0, at, -min(soft * area * (pressed + speed * interval), limit) * ahead)
+    add_force(felt, group, at, -min(soft * area * (pressed + speed * interval), limit) * ahead)
 
 
 @njit(cache=True, error_model="numpy")
-def carry(ground, cavity, pose, weight, felt):
+def carry(ground, cavity, group, pose, weight, felt):
     """Add the weight of what the cavity holds; weight: of a volume of loose soil [N/m3]."""
     cell = ground.cell_m
     for a in range(cavity.floor_m.shape[0]):
@@ -299,5 +316,5 @@ def carry(ground, cavity, pose, weight, felt):
                 x, y, z = world_of(cavity, cell, pose, a, b, cavity.floor_m[a, b] + 0.5 * thick)
                 volume = thick * cell * cell
                 add_force(
-                    felt, 0, np.array([x, y, z]) - pose.origin_m, np.array([0.0, 0.0, -weight * volume])
+                    felt, group, np.array([x, y, z]) - pose.origin_m, np.array([0.0, 0.0, -weight * volume])
                 )

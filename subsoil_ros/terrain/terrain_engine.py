@@ -14,7 +14,7 @@ from ..rotations import Quaternion, matrix_of, planar_quaternion, product, quate
 from ..scene.tool_mesh import load_tool_mesh
 from ..wedge.failure_wedge import Strength
 from .dig_forces import Felt, Surface, carry, find_contact, press_mouth, press_plates
-from .terrain_field import Array, Cavity, Ground, Pose, cut, drift, regrid, settle, slide, touch
+from .terrain_field import BANK_CELLS, Array, Cavity, Ground, Pose, cut, drift, regrid, settle, slide, touch
 from .tool_shape import PITCHES_RAD, ToolShape, View, tool_shape, views
 
 STEP_CELLS = 1.0
@@ -39,6 +39,7 @@ class _Tool:
     groups: tuple[str, ...]
     shape: ToolShape
     views: tuple[View, ...]
+    floor_group: int  # facet group of most of its upward surface, which carries
     view: int  # number of the view in use
     cavity: Cavity
     reach_m: float  # of its farthest point from its origin
@@ -91,6 +92,7 @@ class TerrainEngine:
             mesh.groups,
             shape,
             seen,
+            _floor_group(shape),
             -1,
             _NOTHING,
             reach,
@@ -104,7 +106,10 @@ class TerrainEngine:
         """Wrenches of the initial state; soil in a cavity is carried, soil that a tool overlaps removed."""
         for tool, motion in zip(self._tools, motions, strict=True):
             tool.motion = motion
-        return tuple(self._moved(tool, motion) for tool, motion in zip(self._tools, motions, strict=True))
+        return tuple(
+            self._moved(tool, motion, at_start=True)
+            for tool, motion in zip(self._tools, motions, strict=True)
+        )
 
     def advance(self, tick: int, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
         """Wrenches at the end of `tick`, the tools moving from where they stand to `motions`."""
@@ -168,10 +173,12 @@ class TerrainEngine:
             ("firm_m", self._ground.firm_m), ("loose_m", self._ground.loose_m),
             ("spilled_m", self._ground.spilled_m), ("moving", self._moving),
         ):  # fmt: skip
-            array[...] = arrays[name]
+            _fill(array, arrays[name])
         for tool in self._tools:
             tool.motion = _motion_of(tool.name, arrays[f"tool.{tool.name}.motion"])
             tool.view = int(arrays[f"tool.{tool.name}.view"])
+            if tool.view >= len(tool.views):
+                raise ValueError(f"tool {tool.name}: {len(tool.views)} views")
             if tool.view >= 0:
                 seen = tool.views[tool.view]
                 tool.cavity = Cavity(*seen, np.zeros_like(seen.floor_m))
@@ -179,16 +186,16 @@ class TerrainEngine:
                 ("carried_m", tool.cavity.carried_m), ("press_m", tool.press_m),
                 ("drift_m_per_s", tool.drift_m_per_s), ("box", tool.box),
             ):  # fmt: skip
-                array[...] = arrays[f"tool.{tool.name}.{name}"]
+                _fill(array, arrays[f"tool.{tool.name}.{name}"])
 
-    def _moved(self, tool: _Tool, motion: ToolMotion) -> ToolWrench:
+    def _moved(self, tool: _Tool, motion: ToolMotion, *, at_start: bool = False) -> ToolWrench:
         assert tool.motion is not None
         before, ground = tool.motion, self._ground
         if self._scene.tools[tool.name].may_leap:
             leapt = entry(before, motion, self._interval_s)
             if leapt is not None:
                 before = leapt
-                tool.press_m[:] = 0.0
+                tool.press_m[:] = tool.drift_m_per_s[:] = 0.0
         turn = rotation_between(before.quaternion, motion.quaternion)
         way = math.dist(before.position_m, motion.position_m) + tool.reach_m * math.hypot(*turn)
         steps = max(1, math.ceil(way / (STEP_CELLS * ground.cell_m)))
@@ -197,9 +204,9 @@ class TerrainEngine:
             arms = tool.shape.points_m @ pose.rotation.T
             around, close = touch(ground, arms, pose.origin_m, tool.box)
             self._look(tool, pose)
-            cut(ground, tool.cavity, pose, tool.box, before is motion)
+            cut(ground, tool.cavity, pose, tool.box, at_start)
             drift(tool.cavity, ground.cell_m, self._interval_s / steps * (tool.drift_m_per_s @ pose.rotation))
-            settle(ground, tool.cavity, pose)
+            settle(ground, tool.cavity, pose, tool.box)
             self._slide(tool)
         tool.motion = motion
         felt = Felt(
@@ -214,10 +221,20 @@ class TerrainEngine:
             find_contact(ground, tool.cavity, pose, surface, around, felt)
             soft = self._values.bed_modulus_newton_per_m3
             press_plates(tool.shape, surface, pose, self._strength, soft, self._interval_s, felt)
-            press_mouth(ground, tool.cavity, pose, around, self._strength, soft, self._interval_s, felt)
+            press_mouth(
+                ground,
+                tool.cavity,
+                tool.floor_group,
+                pose,
+                around,
+                self._strength,
+                soft,
+                self._interval_s,
+                felt,
+            )
         else:
             tool.press_m[:] = tool.drift_m_per_s[:] = 0.0
-        carry(ground, tool.cavity, pose, self._strength.unit_weight / ground.swell, felt)
+        carry(ground, tool.cavity, tool.floor_group, pose, self._strength.unit_weight / ground.swell, felt)
         ground.under_m[tool.box[0] : tool.box[2], tool.box[1] : tool.box[3]] = np.inf
         return self._wrench(tool, felt, before, motion)
 
@@ -253,15 +270,16 @@ class TerrainEngine:
             return
         seen, old = tool.views[number], tool.cavity
         tool.view, tool.cavity = number, Cavity(*seen, np.zeros_like(seen.floor_m))
-        regrid(self._ground, old, tool.cavity, pose)
+        regrid(self._ground, old, tool.cavity, pose, tool.box)
 
     def _slide(self, tool: _Tool) -> None:
         """Let the ground slide near the tool and where it slid last."""
         box, old = tool.box, self._moving
-        near = np.array([box[0] - 2, box[1] - 2, box[2] + 2, box[3] + 2])
+        reach = max(BANK_CELLS) if self._ground.cohesion_height_m > 0.0 else 2
+        near = np.array([box[0] - reach, box[1] - reach, box[2] + reach, box[3] + reach])
         if old[2] > old[0]:
-            near[:2] = np.minimum(near[:2], old[:2] - 1)
-            near[2:] = np.maximum(near[2:], old[2:] + 1)
+            near[:2] = np.minimum(near[:2], old[:2] - reach)
+            near[2:] = np.maximum(near[2:], old[2:] + reach)
         if slide(self._ground, near, self._moving) < STILL_M:
             self._moving[:] = 0
 
@@ -275,6 +293,21 @@ class TerrainEngine:
         )
         count = int((felt.depth_m > 0.0).sum())
         return ToolWrench(tool.name, fx, fy, fz, tx, ty, tz, work, count, parts)
+
+
+def _fill(array: np.ndarray, values: np.ndarray) -> None:
+    """Copy values of the same shape."""
+    if array.shape != values.shape:
+        raise ValueError(f"shape {values.shape}, not {array.shape}")
+    array[...] = values
+
+
+def _floor_group(shape: ToolShape) -> int:
+    """The facet group with the largest area that looks up."""
+    counts = np.diff(shape.plate_first)
+    group = np.repeat(shape.plate_group, counts)
+    upward = np.maximum(shape.normals[:, 2], 0.0) * shape.areas_m2
+    return int(np.argmax(np.bincount(group, weights=upward)))
 
 
 def _array_of(motion: ToolMotion) -> Array:

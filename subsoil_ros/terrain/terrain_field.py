@@ -139,6 +139,8 @@ def touch(ground, arms, origin, box):
                 count += 1
             elif ground.under_m[i, j] < top + ground.cell_m:
                 close = True
+    if count == 0 and box[2] > box[0]:  # a tool as large as the bin
+        return np.mean(ground.firm_m + ground.loose_m), close
     return (total / count if count > 0 else np.nan), close
 
 
@@ -167,28 +169,41 @@ def cut(ground, cavity, pose, box, at_start):
             if up >= floor:
                 cavity.carried_m[a, b] += volume
             elif not at_start:
-                _push(ground, pose, x, y, z, volume)
+                _push(ground, pose, middle_of(ground, box), x, y, z, volume)
 
 
 @njit(cache=True, error_model="numpy")
-def _push(ground, pose, x, y, z, volume):
-    """Lay soil on the first column without tool, where its motion drives it, or away from its middle."""
+def middle_of(ground, box):
+    """x and y of the middle of a box of columns."""
+    cell, corner = ground.cell_m, ground.corner_m
+    return corner[0] + 0.5 * cell * (box[0] + box[2]), corner[1] + 0.5 * cell * (box[1] + box[3])
+
+
+@njit(cache=True, error_model="numpy")
+def _push(ground, pose, middle, x, y, z, volume):
+    """Lay soil on the first column without tool, where its motion drives it, or away from its middle; at the
+    walls of the bin, on the last one before them."""
     v, w, o = pose.velocity_m_per_s, pose.spin_rad_per_s, pose.origin_m
     go_x = v[0] + w[1] * (z - o[2]) - w[2] * (y - o[1])
     go_y = v[1] + w[2] * (x - o[0]) - w[0] * (z - o[2])
     fall = v[2] + w[0] * (y - o[1]) - w[1] * (x - o[0])
-    if math.hypot(go_x, go_y) < 0.1 * abs(fall):
-        go_x, go_y = x - o[0], y - o[1]
+    if math.hypot(go_x, go_y) <= 0.1 * abs(fall):
+        go_x, go_y = x - middle[0], y - middle[1]
     size = math.hypot(go_x, go_y)
     go_x, go_y = (go_x / size, go_y / size) if size > 0.0 else (1.0, 0.0)
-    for k in range(1, 2 * (ground.firm_m.shape[0] + ground.firm_m.shape[1])):
+    last, (rows, columns) = cell_of(ground, x, y), ground.firm_m.shape
+    for k in range(1, 2 * (rows + columns)):
         i, j = cell_of(ground, x + 0.5 * k * ground.cell_m * go_x, y + 0.5 * k * ground.cell_m * go_y)
         if i < 0:
             break
+        last = i, j
         if ground.under_m[i, j] == np.inf:
             ground.loose_m[i, j] += volume
             return
-    ground.spilled_m[0] += volume
+    if last[0] < 0:  # above a place beside the bin
+        ground.spilled_m[0] += volume
+    else:
+        ground.loose_m[last] += volume
 
 
 @njit(cache=True, error_model="numpy")
@@ -264,7 +279,7 @@ def _bank_fails(ground, high, low, cohesion_height, friction):
 
 
 @njit(cache=True, error_model="numpy")
-def settle(ground, cavity, pose):
+def settle(ground, cavity, pose, box):
     """Let the soil in a cavity slide once, in it, out of it and into it."""
     shape = cavity.floor_m.shape
     world = cavity.axes @ pose.rotation.T  # rows: the axes of the columns in the world
@@ -275,7 +290,7 @@ def settle(ground, cavity, pose):
             if math.isnan(cavity.floor_m[a, b]):
                 continue
             if up < UPRIGHT:
-                _drop(ground, cavity, pose, a, b)
+                _drop(ground, cavity, pose, box, a, b)
                 continue
             for axis in range(2):
                 for way in (-1, 1):
@@ -288,7 +303,7 @@ def settle(ground, cavity, pose):
 
 
 @njit(cache=True, error_model="numpy")
-def regrid(ground, old, new, pose):
+def regrid(ground, old, new, pose, box):
     """Move the soil of a cavity to the columns of another view; what is in none of them leaves the tool."""
     cell = ground.cell_m
     for a in range(old.floor_m.shape[0]):
@@ -301,7 +316,7 @@ def regrid(ground, old, new, pose):
                 if c >= 0:
                     new.carried_m[c, d] += thick / count
                 else:
-                    _push(ground, pose, x, y, z, thick / count)
+                    _push(ground, pose, middle_of(ground, box), x, y, z, thick / count)
             old.carried_m[a, b] = 0.0
 
 
@@ -338,10 +353,10 @@ def drift(cavity, cell, way):
 
 
 @njit(cache=True, error_model="numpy")
-def _drop(ground, cavity, pose, a, b):
+def _drop(ground, cavity, pose, box, a, b):
     """Let all soil of a column fall."""
     x, y, z = world_of(cavity, ground.cell_m, pose, a, b, cavity.floor_m[a, b])
-    _push(ground, pose, x, y, z, cavity.carried_m[a, b])
+    _push(ground, pose, middle_of(ground, box), x, y, z, cavity.carried_m[a, b])
     cavity.carried_m[a, b] = 0.0
 
 
@@ -402,7 +417,7 @@ def _over_rim(ground, cavity, pose, a, b, c, d, wall, up):
     run = math.hypot(x - u, y - v)
     limit = run * math.tan(ground.loose_friction_rad)
     if z - ground_top > limit:
-        rim = w - top + max(wall, cavity.floor_m[a, b])  # the heap stands on it, whatever is below
+        rim = w + up * (max(wall, cavity.floor_m[a, b]) - top)  # the heap stands on it, whatever is below
         if stands(ground.loose_cohesion_height_m, ground.loose_friction_rad, z - max(ground_top, rim), run):
             return
         amount = min(0.5 * (z - ground_top - limit) / up, cavity.carried_m[a, b], max(top - wall, 0.0))

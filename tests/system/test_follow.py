@@ -48,6 +48,11 @@ SCENE: dict[str, Any] = {
         },
     },
 }  # fmt: skip
+TERRAIN: dict[str, Any] = {
+    **SCENE["soil"],
+    "model": "terrain",
+    "values": SCENE["soil"]["values"] | {"loose_friction_angle_rad": 0.35},
+}
 PARTICLES: dict[str, Any] = {
     "bin": {"length_m": 0.4, "width_m": 0.2, "depth_m": 0.1},
     "particles": {"radius_m": 0.015, "density_kg_per_m3": 2570.0},
@@ -164,7 +169,10 @@ def same_again(folder: Path) -> None:
     assert (again / "series.csv").read_bytes().startswith((run / "series.csv").read_bytes())
 
 
-def test_wedges_follow_poses_in_real_time(tmp_path: Path, domain: int) -> None:
+@pytest.mark.parametrize("soil", [SCENE["soil"], TERRAIN], ids=["wedge", "terrain"])
+def test_wedges_and_terrains_follow_poses_in_real_time(
+    tmp_path: Path, domain: int, soil: dict[str, Any]
+) -> None:
     """Forces have the stamps of poses; late poses and other frames change nothing; a replay is equal."""
 
     def publish(robot: Robot, t: float, stamp: int) -> None:
@@ -174,11 +182,12 @@ def test_wedges_follow_poses_in_real_time(tmp_path: Path, domain: int) -> None:
 
     robot = Robot(domain, publish)
     try:
-        process = follow(tmp_path, "--pose", "tine=/tine_pose")
+        process = follow(tmp_path, "--pose", "tine=/tine_pose", soil=soil, record={"cloud_hz": 10.0})
         _, err = process.communicate(timeout=LIMIT_S)
     finally:
         robot.close()
     assert process.returncode == 0, err
+    assert (len(robot.clouds) > 0) == (soil is TERRAIN)
     facts = followed(tmp_path)
     assert set(facts["refused"]) == {"late", "in the frame 'map'"}
     assert (facts["end_ns"] - facts["start_ns"]) * 1e-9 == pytest.approx(1.0 + facts["skipped_s"], abs=0.05)

@@ -1,4 +1,5 @@
-"""A disc in six degrees of freedom that rolls freely, run in every way in fresh processes: the same bits."""
+"""A disc in six degrees of freedom that rolls freely, in particles and a terrain, run in every way in fresh
+processes: the same bits."""
 
 from pathlib import Path
 
@@ -7,8 +8,8 @@ import pytest
 from tests.system.conftest import Run
 from tests.system.test_modes import without_wall_time
 
-SCENE = Path(__file__).parents[2] / "examples" / "tilted_disc" / "disc.yaml"
-CHANGES = (
+EXAMPLES = Path(__file__).parents[2] / "examples"
+DISC = (
     "soil.bin.length_m=0.3",
     "soil.bin.width_m=0.3",
     "tools.disc.path.start_x_m=0.07",
@@ -17,21 +18,31 @@ CHANGES = (
     "coupling.communication_step_ns=160000",
     "coupling.force=tick_mean",
 )
+TERRAIN = (
+    "coupling.residual_grace_joule=10",
+    "soil={model: terrain, material: loam, bin: {length_m: 0.4, width_m: 0.3, depth_m: 0.2}, cell_m: 0.01}",
+)
 
 pytestmark = pytest.mark.full  # make test has test_modes.py for the machine in particles
 
 
-@pytest.fixture(scope="module")
-def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def three_ways(factory: pytest.TempPathFactory, *overrides: str) -> dict[str, Path]:
     """Result folders, by mode."""
     folders = {}
-    changes = [item for change in CHANGES for item in ("--set", change)]
+    changes = [item for change in overrides for item in ("--set", change)]
     for mode in ("direct", "composed", "nodes"):
-        run = Run(tmp_path_factory.mktemp(mode) / "out", mode, 0.02, *changes, scene=SCENE)
+        scene = EXAMPLES / "tilted_disc" / "disc.yaml"
+        run = Run(factory.mktemp(mode) / "out", mode, 0.02, *changes, scene=scene)
         status, _, err = run.finish()
         assert status == 0, err
         folders[mode] = run.out
     return folders
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Of the disc in particles."""
+    return three_ways(tmp_path_factory, *DISC)
 
 
 def test_the_disc_turns_in_the_soil(results: dict[str, Path]) -> None:
@@ -48,3 +59,12 @@ def test_series_and_bags_are_equal(results: dict[str, Path], mode: str) -> None:
     """series.csv byte for byte, the bag message for message."""
     assert (results[mode] / "series.csv").read_bytes() == (results["direct"] / "series.csv").read_bytes()
     assert without_wall_time(results[mode]) == without_wall_time(results["direct"])
+
+
+def test_a_terrain_gives_equal_series_and_bags(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """The same disc in a terrain: its wrenches turn it, its clouds are in the bag."""
+    found = three_ways(tmp_path_factory, *DISC, *TERRAIN)
+    one = (found["direct"] / "series.csv").read_bytes()
+    for mode in ("composed", "nodes"):
+        assert (found[mode] / "series.csv").read_bytes() == one
+        assert without_wall_time(found[mode]) == without_wall_time(found["direct"])

@@ -30,7 +30,7 @@ _SOIL_BY_NAME: Schema = {"type": "string", "description": "In short, for soil.ma
 
 _MATERIAL: Schema = {
     "type": ["string", "null"],
-    "description": "Material file, or name of a shipped one: particles, bed and law of a laboratory's soil.",
+    "description": "Material file, or name of a shipped one: a laboratory's soil, as particles or a terrain.",
 }
 """The key of `soil` that the loader reads."""
 
@@ -42,18 +42,20 @@ def scene_schema() -> Schema:
     definitions["Scene"] = whole
     partial = {f"{PARTIAL}{name}": _partial(found) for name, found in definitions.items()}
     definitions |= partial
-    for name in ("Soil", f"{PARTIAL}Soil"):
-        definitions[name]["properties"]["material"] = _MATERIAL
+    for name in ("Soil", "TerrainSoil"):
+        for found in (name, f"{PARTIAL}{name}"):
+            definitions[found]["properties"]["material"] = _MATERIAL
     for name in ("Scene", f"{PARTIAL}Scene"):
         properties = definitions[name]["properties"]
         properties["soil"] = {"anyOf": [_SOIL_BY_NAME, properties["soil"]]}
     required = [key for key in definitions["Scene"]["required"] if key not in DERIVED]
     definitions["Scene"]["required"] = required
-    definitions["Soil"] = {  # a material brings what a soil without one must have
-        "if": {"required": ["material"]},
-        "then": {"$ref": f"#/$defs/{PARTIAL}Soil"},
-        "else": definitions["Soil"],
-    }
+    for name in ("Soil", "TerrainSoil"):  # a material brings what a soil without one must have
+        definitions[name] = {
+            "if": {"required": ["material"]},
+            "then": {"$ref": f"#/$defs/{PARTIAL}{name}"},
+            "else": definitions[name],
+        }
     for name in ("Scene", f"{PARTIAL}Scene"):
         definitions[name]["properties"] = {**_loader_keys(), **definitions[name]["properties"]}
     schema = {

@@ -9,7 +9,16 @@ import numpy as np
 from ..errors import InputError
 from ..leaps import entry
 from ..loading.loader import ResolvedScene
-from ..messages import FacetGroupForce, SoilCloud, SoilState, ToolMotion, ToolWrench, motion_of, work_joule
+from ..messages import (
+    FacetGroupForce,
+    SoilCloud,
+    SoilState,
+    SpatialMotion,
+    ToolMotion,
+    ToolWrench,
+    motion_of,
+    work_joule,
+)
 from ..rotations import Quaternion, matrix_of, planar_quaternion, product, quaternion_of, rotation_between
 from ..scene.tool_mesh import load_tool_mesh
 from ..wedge.failure_wedge import Strength
@@ -77,6 +86,22 @@ class TerrainEngine:
         )  # fmt: skip
         self._moving = np.zeros(4, dtype=np.int64)  # box of the columns that slid last
         self._tools = [self._tool(resolved, name) for name in scene.tools]
+        if scene.tools:
+            self._load_kernels(self._tool(resolved, next(iter(scene.tools))))
+
+    def _load_kernels(self, tool: _Tool) -> None:
+        """Dig once in a ground of its own: loaded at the first cut, kernels would stop a robot's soil."""
+        kept, cell, points = self._ground, self._ground.cell_m, tool.shape.points_m
+        shape = tuple(int(size / cell) + 4 for size in np.ptp(points[:, :2], axis=0).tolist())
+        self._ground = kept._replace(
+            firm_m=np.zeros(shape), loose_m=np.zeros(shape), under_m=np.full(shape, np.inf),
+            spilled_m=np.zeros(1), corner_m=(0.0, 0.0),
+        )  # fmt: skip
+        x, y, z = (np.array([2.0 * cell, 2.0 * cell, -cell]) - points.min(axis=0)).tolist()
+        level, still = (0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
+        tool.motion = SpatialMotion.of(tool.name, (x, y, z), level, still, still)
+        self._moved(tool, SpatialMotion.of(tool.name, (x + 0.1 * cell, y, z), level, still, still))
+        self._ground, self._moving[:] = kept, 0
 
     def _tool(self, resolved: ResolvedScene, name: str) -> _Tool:
         mesh = load_tool_mesh(resolved.directory, resolved.scene, name).about_body()

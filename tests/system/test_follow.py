@@ -51,6 +51,12 @@ SCENE: dict[str, Any] = {
 TERRAIN: dict[str, Any] = {
     **SCENE["soil"],
     "model": "terrain",
+    "bin": {
+        "length_m": 60.0,
+        "width_m": 0.6,
+        "depth_m": 0.3,
+    },  # as long as the robot drives while kernels load
+    "cell_m": 0.05,
     "values": SCENE["soil"]["values"] | {"loose_friction_angle_rad": 0.35},
 }
 PARTICLES: dict[str, Any] = {

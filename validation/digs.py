@@ -1,11 +1,11 @@
 """The terrain model against particles: a bucket penetrates, drags, curls and lifts.
 
     python -m validation.digs [--soils SOIL ...] [--digs A B C] [--cell-mm MM] [--tick-ms MS]
-    python -m validation.digs --radius-mm R --write FOLDER    # particles, five minutes a dig at 10 mm
+    python -m validation.digs --radius-mm R    # particles, five minutes a dig at 10 mm
 
 The bucket of examples/bucket_arm, 0.2 m wide, takes soil along prescribed ways. The first command digs in
-terrains and prints their mean forces beside those of particles of 10 mm, whose tables of 20 ms means are in
-validation/studies/digs. The model has no fitted number; docs/terrain.md says what was known when it was made.
+terrains and prints their mean forces beside those of particles of 10 mm, from validation/studies/digs.csv.
+The model has no fitted number; validation/terrain.md says what was known when it was made.
 """
 
 import argparse
@@ -14,7 +14,7 @@ import math
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from itertools import groupby, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -26,8 +26,8 @@ from subsoil_ros.mbd.tool_paths import PathEngine
 
 MESH = Path(__file__).parents[1] / "examples" / "bucket_arm" / "bucket.stl"
 
-TABLES = Path(__file__).parent / "studies" / "digs"
-"""Tables of particles of 10 mm."""
+TABLE = Path(__file__).parent / "studies" / "digs.csv"
+"""Mean forces of particles of 10 mm, as --radius-mm 10 prints them."""
 
 Waypoint = tuple[float, float, float, float]
 """Time [s]; x and z of the bucket's pin [m]; pitch [rad]."""
@@ -102,15 +102,6 @@ def dug(scene: ResolvedScene) -> NDArray[np.float64]:
     return np.column_stack([per_row * step * np.arange(1, len(means) + 1), means])
 
 
-def write_table(path: Path, rows: NDArray[np.float64]) -> None:
-    """A table of a dig."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(("end_s", "force_x_newton", "force_y_newton", "force_z_newton"))
-        writer.writerows([[f"{value:.6g}" for value in row] for row in rows])
-
-
 def phase_means(rows: NDArray[np.float64], dig: str) -> NDArray[np.float64]:
     """Mean force [N] of each phase (phases, 3)."""
     times = [point[0] for point in DIGS[dig]]
@@ -127,42 +118,51 @@ JUDGED = (
 """Phase, axis and name of the mean forces that are compared."""
 
 
-def compared(soil: str, dig: str, rows: NDArray[np.float64]) -> Iterator[str]:
+def of_particles() -> dict[tuple[str, str], NDArray[np.float64]]:
+    """Mean forces of particles [N] (phases, 3) by soil and dig."""
+    with TABLE.open(newline="") as file:
+        _, *rows = csv.reader(file)
+    return {
+        key: np.array([row[3:] for row in group], dtype=np.float64)
+        for key, group in ((key, list(group)) for key, group in groupby(rows, lambda row: (row[0], row[1])))
+    }
+
+
+def compared(
+    soil: str, dig: str, particles: NDArray[np.float64], terrain: NDArray[np.float64]
+) -> Iterator[str]:
     """Rows of the table for one dig."""
-    table = np.loadtxt(TABLES / f"{soil}_{dig}.csv", delimiter=",", skiprows=1)
-    particles, terrain = phase_means(table, dig), phase_means(rows, dig)
     for phase, axis, way in JUDGED:
         one, other = particles[PHASES.index(phase), axis], terrain[PHASES.index(phase), axis]
         yield f"| {soil} | {dig} | {phase}, {way} | {one:.1f} | {other:.1f} | {other / one:.2f} |"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Digs; prints the comparison, or writes tables of particles."""
+    """Digs; prints the comparison, or rows of TABLE."""
     parser = argparse.ArgumentParser(prog="python -m validation.digs")
     parser.add_argument("--soils", nargs="+", default=["dry_sand", "sandy_loam", "loam"])
     parser.add_argument("--digs", nargs="+", default=list(DIGS), choices=DIGS)
     parser.add_argument("--cell-mm", type=float, default=10.0)
     parser.add_argument("--tick-ms", type=float, help="communication step; 1 ms unless given")
     parser.add_argument("--radius-mm", type=float)
-    parser.add_argument("--write", type=Path)
     args = parser.parse_args(arguments)
-    if (args.radius_mm is None) != (args.write is None):
-        parser.error("--radius-mm, --write: given one of them; particles need both, a terrain none")
-    if args.write is None:
+    stored = of_particles()
+    if args.radius_mm is None:
         print("| soil | dig | force | particles N | terrain N | ratio |\n" + "|---" * 6 + "|")
     for soil in args.soils:
         for dig in args.digs:
-            if args.write is not None:
+            if args.radius_mm is not None:
                 radius_m = 1e-3 * args.radius_mm
                 rows = dug(scene_of(dig, {"material": soil, "particles": {"radius_m": radius_m}}))
-                write_table(args.write / f"{soil}_{dig}.csv", rows)
-            elif (TABLES / f"{soil}_{dig}.csv").exists():
+                for phase, forces in zip(PHASES, phase_means(rows, dig).tolist(), strict=True):
+                    print(soil, dig, phase, *(f"{force:.6g}" for force in forces), sep=",", flush=True)
+            elif (soil, dig) in stored:
                 terrain = {"model": "terrain", "material": soil, "cell_m": 1e-3 * args.cell_mm}
                 scene = scene_of(dig, terrain, args.tick_ms)
                 begun = time.process_time()
                 rows = dug(scene)
                 cpu = (time.process_time() - begun) / scene.scene.duration_s
-                print("\n".join(compared(soil, dig, rows)))
+                print("\n".join(compared(soil, dig, stored[soil, dig], phase_means(rows, dig))))
                 print(f"| {soil} | {dig} | CPU time over simulated | | {cpu:.2f} | |", flush=True)
     return 0
 

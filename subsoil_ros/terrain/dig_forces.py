@@ -15,10 +15,14 @@ import numpy as np
 from numba import njit
 
 from ..wedge.failure_wedge import Plate, Strength, least_wedge, wedge_terms
-from .terrain_field import Array, cell_of, floor_at, local_of, world_of
+from .cavity import floor_at, local_of, world_of
+from .terrain_field import Array, cell_of
 
 SIDEWAYS_CELLS = 1.25
 """Distance from a surface at which the soil beside it is looked up, in cells: beyond the cell it touches."""
+
+BESIDE_CELLS = 0.5
+"""Distance from a surface at which it is in a cavity or not, in cells; half of it is slack."""
 
 CLOSE_CELLS = 0.05
 """Gap below the tool up to which soil carries it, in cells."""
@@ -116,9 +120,9 @@ def find_contact(ground, cavity, pose, surface, around, felt):
         covered = under < np.inf
         if top < z - cell or (covered and top < under - CLOSE_CELLS * cell):
             continue
-        near = 0.5 * cell
+        near = BESIDE_CELLS * cell
         a, b, up = local_of(cavity, cell, pose, x + near * n[0], y + near * n[1], z + near * n[2])
-        if up - floor_at(cavity, a, b) > -0.25 * cell:
+        if up - floor_at(cavity, a, b) > -0.5 * BESIDE_CELLS * cell:
             continue
         if covered:  # below the tool: soil that carries it has the depth of the ground around
             felt.depth_m[k] = around - z
@@ -298,6 +302,7 @@ def press_mouth(ground, cavity, group, pose, around, strength, soft, interval, f
     area = width * depth
     most = area * (0.5 * by_weight * strength.unit_weight * depth + by_cohesion * strength.cohesion + more)
     held = _held_newton(ground, cavity, width, strength)
+    # all of it up to half of what the soil ahead bears, then less, to none: no jump (chosen)
     felt.drift_m_per_s[:] = -speed * min(max(2.0 - 2.0 * held / most, 0.0), 1.0) * ahead
     limit = min(most, held)
     pressed = min(felt.press_m[mouth] + speed * interval, limit / (soft * area))

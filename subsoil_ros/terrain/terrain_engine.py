@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,8 +22,9 @@ from ..messages import (
 from ..rotations import Quaternion, matrix_of, planar_quaternion, product, quaternion_of, rotation_between
 from ..scene.tool_mesh import load_tool_mesh
 from ..wedge.failure_wedge import Strength
+from .cavity import Cavity, cut, drift, regrid, settle
 from .dig_forces import Felt, Surface, carry, find_contact, press_mouth, press_plates
-from .terrain_field import BANK_CELLS, Array, Cavity, Ground, Pose, cut, drift, regrid, settle, slide, touch
+from .terrain_field import BANK_CELLS, Array, Ground, Pose, slide, touch
 from .tool_shape import PITCHES_RAD, ToolShape, View, tool_shape, views
 
 STEP_CELLS = 1.0
@@ -87,10 +88,14 @@ class TerrainEngine:
         self._moving = np.zeros(4, dtype=np.int64)  # box of the columns that slid last
         self._tools = [self._tool(resolved, name) for name in scene.tools]
         if scene.tools:
-            self._load_kernels(self._tool(resolved, next(iter(scene.tools))))
+            self._load_kernels()
 
-    def _load_kernels(self, tool: _Tool) -> None:
-        """Dig once in a ground of its own: loaded at the first cut, kernels would stop a robot's soil."""
+    def _load_kernels(self) -> None:
+        """Dig once in another ground: loaded at the first cut, kernels would stop a robot's soil."""
+        first = self._tools[0]
+        tool = replace(
+            first, press_m=first.press_m.copy(), drift_m_per_s=np.zeros(3), box=np.zeros(4, dtype=np.int64)
+        )
         kept, cell, points = self._ground, self._ground.cell_m, tool.shape.points_m
         shape = tuple(int(size / cell) + 4 for size in np.ptp(points[:, :2], axis=0).tolist())
         self._ground = kept._replace(

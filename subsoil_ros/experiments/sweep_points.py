@@ -159,8 +159,10 @@ def seed_key(scene: ResolvedScene) -> str:
     bed = soil.bed if isinstance(soil, Soil) else None
     if bed is not None and is_random(bed):
         return "soil.bed.seed"
-    what = "there is no soil" if bed is None else f"soil.bed is of kind '{bed.kind}' without jitter"
-    if bed is not None and bed.kind == "saved":
+    if bed is None:
+        raise InputError(f"{scene.path}: seeds would change nothing: nothing in its soil is random")
+    what = f"soil.bed is of kind '{bed.kind}' without jitter"
+    if bed.kind == "saved":
         what = "soil.bed is a saved one"
     raise InputError(
         f"{scene.path}: seeds would change nothing: {what}. Use a tiled or a dense_random bed, or a grid "

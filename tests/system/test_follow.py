@@ -282,10 +282,10 @@ def test_frames_of_tf_are_followed(tmp_path: Path, domain: int) -> None:
 
 
 def test_a_reset_begins_again(tmp_path: Path, domain: int) -> None:
-    """By the service, in a folder of its own and fresh soil; the same process, which ends by Ctrl-C."""
+    """By the service, in a folder of its own and fresh soil of the next seed; the same process."""
     resets = dialect().service("ResetSimulation")
     robot = Robot(domain, lambda robot, t, stamp: robot.pose(SPEED * t, stamp))
-    process = follow(tmp_path, "--pose", "tine=/tine_pose", duration_s=60.0)
+    process = follow(tmp_path, "--pose", "tine=/tine_pose", "--seeds", "3,7", duration_s=60.0)
     client = robot.node.create_client(resets, "/reset_simulation")
     try:
         for episode in range(2):
@@ -303,7 +303,8 @@ def test_a_reset_begins_again(tmp_path: Path, domain: int) -> None:
         process.kill()
         robot.close()
     assert process.returncode == 130, err
-    for name, why in (("out", "ended by reset_simulation"), ("out-2", "ended by SIGINT")):
+    for name, seed, why in (("out", 3, "ended by reset_simulation"), ("out-2", 7, "ended by SIGINT")):
+        assert f"seed: {seed}\n" in (tmp_path / name / "scene.yaml").read_text()
         run = json.loads((tmp_path / name / "summary.json").read_text())["run"]
         assert run["failure"] == why
         assert (tmp_path / name / "series.csv").read_text().splitlines()[1].startswith("0.0,")
@@ -323,6 +324,9 @@ def test_a_reset_begins_again(tmp_path: Path, domain: int) -> None:
         (("--pose", "tine=/a", "--frame", "tine=b"), "--frame tine: has a topic of its own"),
         (("--pose", "tine=/a b"), "topic of poses: Invalid topic name"),
         (("--replay", ".", "--pose", "tine=/a"), "--replay: given with --pose"),
+        (("--replay", ".", "--seeds", "1,2"), "--replay: given with --seeds"),
+        (("--seeds", "1,1"), "--seeds 1,1: must be different whole numbers"),
+        (("--set", f"soil={json.dumps(TERRAIN)}", "--seeds", "1"), "nothing in its soil is random"),
         (("--joints", "/j", "--urdf", "none.urdf"), "--urdf none.urdf: cannot be read"),
         (("--replay", "none"), "none/bag"),
         (("--set", "tools.tine.path.external=false"), "`subsoil follow` moves the tools"),

@@ -1,4 +1,4 @@
-"""The layout for Foxglove fits a real bag, and has the form that Foxglove reads."""
+"""The layouts for Foxglove fit real bags, and have the form that Foxglove reads."""
 
 import dataclasses
 import json
@@ -11,7 +11,12 @@ from xml.etree import ElementTree
 import pytest
 from rosbags.highlevel import AnyReader
 
-LAYOUT = Path(__file__).parents[2] / "config/foxglove/subsoil.json"
+from subsoil_ros.cli.main import main
+
+ROOT = Path(__file__).parents[2]
+LAYOUT = ROOT / "config/foxglove/subsoil.json"
+DIGGING = ROOT / "config/foxglove/digging.json"
+DRAG = ("external=false", "start_z_m=0", "speed_x_m_per_s={kind: constant, value: -0.3}")
 TOPIC = re.compile(r"/\w+(/\w+)*")
 STEP = re.compile(r"\.(?P<field>\w+)|(?P<all>\[:\])|\{(?P<key>\w+)==\$(?P<variable>\w+)\}")
 
@@ -21,6 +26,24 @@ def layout() -> dict[str, Any]:
     """The layout as written."""
     document: dict[str, Any] = json.loads(LAYOUT.read_text())
     return document
+
+
+@pytest.fixture(scope="module")
+def digging() -> dict[str, Any]:
+    """The layout for digging as written."""
+    document: dict[str, Any] = json.loads(DIGGING.read_text())
+    return document
+
+
+@pytest.fixture(scope="module")
+def dig_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The bag of a bucket that a path moves through a terrain."""
+    out = tmp_path_factory.mktemp("dig") / "out"
+    changes = ("duration_s=0.1", *(f"tools.bucket.path.{change}" for change in DRAG))
+    words = [word for change in changes for word in ("--set", change)]
+    scene = str(ROOT / "examples/bucket_arm/terrain.yaml")
+    assert main(["run", scene, "--mode", "direct", "--out", str(out), *words]) == 0
+    return out / "bag"
 
 
 def panels(layout: dict[str, Any], kind: str) -> Iterator[dict[str, Any]]:
@@ -53,12 +76,10 @@ def resolve(path: str, message: Any, variables: dict[str, Any]) -> list[Any]:
     return values
 
 
-def test_every_path_gives_one_number_in_every_message(layout: dict[str, Any], machine_bag: Path) -> None:
-    """Topics, fields and names of bodies and forces are those of a bag of ours; no plot stays empty."""
-    paths = plotted_paths(layout)
-    assert len(paths) == 5
-    with AnyReader([machine_bag]) as reader:
-        for path in paths:
+def assert_that_plots_are_full(layout: dict[str, Any], bag: Path) -> None:
+    """Every path gives one number in every message of its topic."""
+    with AnyReader([bag]) as reader:
+        for path in plotted_paths(layout):
             topic = TOPIC.match(path).group()
             connections = [item for item in reader.connections if item.topic == topic]
             assert connections, f"{path}: the bag has no such topic"
@@ -68,6 +89,27 @@ def test_every_path_gives_one_number_in_every_message(layout: dict[str, Any], ma
             ]
             assert found
             assert all(len(values) == 1 and isinstance(values[0], float) for values in found), path
+
+
+def test_every_path_gives_one_number_in_every_message(layout: dict[str, Any], machine_bag: Path) -> None:
+    """Topics, fields and names of bodies and forces are those of a bag of ours; no plot stays empty."""
+    assert len(plotted_paths(layout)) == 5
+    assert_that_plots_are_full(layout, machine_bag)
+
+
+def test_the_layout_for_digging_fits_a_dig(digging: dict[str, Any], dig_bag: Path) -> None:
+    """Plots are full, each panel has its place, and the ground has the field that colours it."""
+    assert len(plotted_paths(digging)) == 7
+    assert_that_plots_are_full(digging, dig_bag)
+    assert sorted(leaves(digging["layout"])) == sorted(digging["configById"])
+    (scene,) = panels(digging, "3D")
+    with AnyReader([dig_bag]) as reader:
+        by_topic = {item.topic: item for item in reader.connections}
+        for topic in ("/subsoil/soil/height_map", "/subsoil/soil/points"):
+            *_, (connection, _, data) = reader.messages([by_topic[topic]])
+            fields = [field.name for field in reader.deserialize(data, connection.msgtype).fields]
+            assert scene["topics"][topic]["colorField"] in fields
+    assert set(scene["topics"]) <= set(by_topic)
 
 
 def test_the_plots_are_the_ones_people_ask_for(layout: dict[str, Any]) -> None:
@@ -136,9 +178,11 @@ def keys_of(kind: type) -> set[str]:
     return {re.sub(r"_(\w)", lambda found: found[1].upper(), item.name) for item in dataclasses.fields(kind)}
 
 
-def test_every_setting_is_one_that_foxglove_knows(layout: dict[str, Any]) -> None:
+@pytest.mark.parametrize("file", [LAYOUT, DIGGING], ids=lambda file: file.stem)
+def test_every_setting_is_one_that_foxglove_knows(file: Path) -> None:
     """Held against the panel types of foxglove-sdk, which are generated from the application's own."""
     layouts = pytest.importorskip("foxglove.layouts", reason="foxglove-sdk has no layouts")
+    layout = json.loads(file.read_text())
     title = {
         "foxglovePanelTitle"
     }  # in a layout file beside the settings, in the SDK an attribute of the panel
@@ -150,8 +194,15 @@ def test_every_setting_is_one_that_foxglove_knows(layout: dict[str, Any]) -> Non
     assert set(scene) - title <= keys_of(layouts.ThreeDeeConfig)
     assert set(scene["cameraState"]) <= keys_of(layouts.ThreeDeeCameraState)
     assert set(scene["scene"]["transforms"]) <= keys_of(layouts.BaseRendererTransforms)
-    topics = scene["topics"]
-    assert set(topics["/subsoil/soil/points"]) <= keys_of(layouts.BaseRendererPointCloudTopicSettings)
-    assert set(topics["/subsoil/tool_markers"]) <= keys_of(layouts.BaseRendererRosMarkerTopicSettings)
-    assert set(scene["layers"]["surface"]) <= keys_of(layouts.BaseRendererGridLayerSettings)
-    assert set(scene["layers"]["machine"]) <= keys_of(layouts.BaseRendererUrdfLayerSettings)
+    for topic, settings in scene["topics"].items():
+        markers = topic == "/subsoil/tool_markers"
+        assert set(settings) <= keys_of(
+            layouts.BaseRendererRosMarkerTopicSettings
+            if markers
+            else layouts.BaseRendererPointCloudTopicSettings
+        )
+    for layer in scene["layers"].values():
+        grid = layer["layerId"] == "foxglove.Grid"
+        assert set(layer) <= keys_of(
+            layouts.BaseRendererGridLayerSettings if grid else layouts.BaseRendererUrdfLayerSettings
+        )

@@ -51,6 +51,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--replay", type=Path, metavar="RUN", help="move the tools as in an earlier run, without ROS"
     )
+    parser.add_argument(
+        "--seeds", metavar="A,B,C", help="of the soil: after each reset the next, and again from the first"
+    )
     parser.add_argument("--threads", type=positive_count, default=1, metavar="N", help="of the soil engine")
     add_overrides(parser)
 

@@ -14,6 +14,7 @@ from ...coupling.follow.follower import Follower, Replay
 from ...coupling.observer import RunWatch
 from ...coupling.run_settings import RunSettings
 from ...errors import InputError
+from ...experiments.sweep_points import seed_key
 from ...extras import require_ros
 from ...loading.loader import ResolvedScene, load_scene
 from ...recording.joined import open_record
@@ -24,18 +25,19 @@ from ...yaml_document import Document
 from ..output import say
 from ..progress import RunProgress, bed_progress, reading_bag, working
 from ..run.simulation import say_opened
+from ..sweep import parse_seeds
 
 Topics = tuple[dict[str, str], dict[str, str], dict[str, str]]
 
 
 def follow(args: argparse.Namespace) -> int:
     """Follow poses until the scene's duration is over, or Ctrl-C; after a reset again, into OUT-2 and on."""
-    resolved, topics, out = _scene(args), None, Path(args.out)
+    scenes, topics, out = _scenes(args), None, Path(args.out)
     if args.replay is None:
         require_ros("subsoil follow", "give --replay RUN")
         check_environment()
-        topics = _topics(resolved, args)
-    for episode in itertools.count(1):
+        topics = _topics(scenes[0], args)
+    for episode, resolved in enumerate(itertools.cycle(scenes), 1):
         folder = out if episode == 1 else out.with_name(f"{out.name}-{episode}")
         if not _run(args, resolved, topics, folder):
             break
@@ -68,8 +70,8 @@ def _run(args: argparse.Namespace, resolved: ResolvedScene, topics: Topics | Non
     return follower.is_reset
 
 
-def _scene(args: argparse.Namespace) -> ResolvedScene:
-    """The scene, whose tools may leap; of a replay as long as the record.
+def _scenes(args: argparse.Namespace) -> list[ResolvedScene]:
+    """The scene by seed, whose tools may leap; of a replay as long as the record.
 
     Raises:
         InputError: its tools have no external machine, or an argument is no positive number.
@@ -85,13 +87,17 @@ def _scene(args: argparse.Namespace) -> ResolvedScene:
         )
     overrides = [f"tools.{tool}.path.may_leap=true" for tool in resolved.scene.tools]
     if args.replay is not None:
-        given = [name for name in ("pose", "odometry", "frame", "joints", "urdf") if getattr(args, name)]
+        given = [name for name in ("pose", "odometry", "frame", "joints", "urdf", "seeds") if getattr(args, name)]
         if given:
-            raise InputError(f"--replay: given with --{given[0]}; a record has the poses: leave one out")
+            raise InputError(f"--replay: given with --{given[0]}; it begins once, with the poses of the record: leave one out")
         end_s = 1e-9 * open_record(args.replay / "bag").end_time_ns
         if end_s > 0.0:  # else Replay says that there is no tick
             overrides.append(f"duration_s={min(resolved.scene.duration_s, end_s)!r}")
-    return load_scene(args.scene, [*args.overrides, *overrides])
+    seeds = [f"{seed_key(resolved)}={seed}" for seed in parse_seeds(args.seeds)]
+    changes = [*args.overrides, *overrides]
+    if not seeds:
+        return [load_scene(args.scene, changes)]
+    return [load_scene(args.scene, [*changes, seed]) for seed in seeds]
 
 
 def _follow(

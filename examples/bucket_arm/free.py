@@ -41,6 +41,11 @@ class FreeArm:
         self._felt_s = time.monotonic()
         self.wrenches += 1
 
+    def wait(self) -> None:
+        """Until the soil listens."""
+        while not self._pose.get_subscription_count():
+            rclpy.spin_once(self.node, timeout_sec=0.05)
+
     def advance(self, duration_s: float) -> None:
         """Move for a time, and say where the bucket is."""
         data, site = self._data, self._data.site("bucket")
@@ -75,6 +80,7 @@ def main() -> None:
     args = parser.parse_args()
     rclpy.init()
     arm = FreeArm()
+    arm.wait()
     start = time.monotonic()
     for k in range(round(args.duration / PERIOD_S)):
         arm.advance(PERIOD_S)

@@ -85,3 +85,31 @@ def test_the_free_arm_says_where_it_is_and_feels_a_wrench(
     finally:
         rclpy.shutdown()
     assert heights[200.0] > heights[0.0] + 1e-4
+
+
+def test_the_free_loader_feels_a_wrench_as_the_arm_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The joints are at the waypoints; lift and curl carry less by the force and the moment of the soil."""
+    bullet = pytest.importorskip("pybullet", reason="needs PyBullet")
+    rclpy = pytest.importorskip("rclpy", reason="needs ROS")
+    from geometry_msgs.msg import WrenchStamped
+
+    monkeypatch.syspath_prepend(str(EXAMPLE))
+    module = importlib.import_module("loader")
+    carried = []
+    rclpy.init()
+    try:
+        for newton, newton_m in ((0.0, 0.0), (200.0, 0.0), (0.0, 50.0)):
+            loader, push = module.FreeLoader(), WrenchStamped()
+            x, z = math.sin(-0.7), math.cos(-0.7)  # the bucket is pitched by -0.7 rad
+            push.wrench.force.x, push.wrench.force.z = -newton * x, newton * z
+            push.wrench.torque.y = newton_m
+            loader._feel(push)
+            assert loader.advance(0.2) == pytest.approx(module.pose_at(0.2)[:3], abs=0.005)
+            carried.append([bullet.getJointState(loader._body, joint)[3] for joint in loader._joints])
+            loader.node.destroy_node()
+            bullet.disconnect()
+    finally:
+        rclpy.shutdown()
+    (_, lift, curl), (_, lifted, _), (_, _, curled) = carried
+    assert lift - lifted == pytest.approx(200.0, abs=1.0)
+    assert curl - curled == pytest.approx(50.0, abs=0.5)

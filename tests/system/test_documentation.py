@@ -174,8 +174,9 @@ PROGRAMS = sorted(
 @pytest.mark.parametrize(("program", "options"), PROGRAMS, ids=str)
 def test_programs_exist(program, options, monkeypatch):
     """Benchmarks and examples that a page tells to start do start, and know the options it gives them."""
-    if program == "dev.rerun_picture":
-        pytest.importorskip("rerun", reason="rerun-sdk is not installed")
+    for name, library in (("dev.rerun_picture", "rerun"), ("examples/bucket_arm/loader.py", "pybullet")):
+        if program == name:
+            pytest.importorskip(library, reason=f"needs {library}")
     monkeypatch.setattr(sys, "argv", [program, "--help"])
     monkeypatch.syspath_prepend(str(ROOT))
     if program.endswith(".py"):

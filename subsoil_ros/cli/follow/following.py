@@ -87,9 +87,9 @@ def _scenes(args: argparse.Namespace) -> list[ResolvedScene]:
         )
     overrides = [f"tools.{tool}.path.may_leap=true" for tool in resolved.scene.tools]
     if args.replay is not None:
-        given = [name for name in ("pose", "odometry", "frame", "joints", "urdf", "seeds") if getattr(args, name)]
-        if given:
-            raise InputError(f"--replay: given with --{given[0]}; it begins once, with the poses of the record: leave one out")
+        options = ("pose", "odometry", "frame", "joints", "urdf", "seeds")
+        if given := [name for name in options if getattr(args, name)]:
+            raise InputError(f"--replay: given with --{given[0]}; the run is as recorded: leave one out")
         end_s = 1e-9 * open_record(args.replay / "bag").end_time_ns
         if end_s > 0.0:  # else Replay says that there is no tick
             overrides.append(f"duration_s={min(resolved.scene.duration_s, end_s)!r}")

@@ -19,11 +19,13 @@ EXTRA_OF = {
     "mpi4py": "cluster",
     "mujoco": "mujoco",
     "networkx": "cad",
+    "nicegui": "workbench",
     "numba_cuda": "gpu",
     "optuna": "study",
     "plotly": "report",
     "pyarrow": "study",
     "pyvista": "render",
+    "starlette": "workbench",
     "vtkmodules": "render",
     "yourdfpy": "urdf",
 }

@@ -25,6 +25,7 @@ VERBS = {
     "study": "sweep the factors of a scene against a reference run: errors with intervals, and wall time",
     "soil-test": "test the soil of a scene: strength, stiffness, density, angle of repose",
     "calibrate": "fit particles to a laboratory's soil, or a wedge model to runs with particles",
+    "workbench": "scenes, runs and comparisons in the browser",
     "bag": "describe a bag, or recover one whose writer was killed",
     "new": "write a commented scene to start from, with its meshes",
     "schema": "write the JSON Schema of scene files, for editors",

@@ -119,7 +119,7 @@ def test_a_folder_of_the_name_and_no_material(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"material": "mud"}, "soil.material: no file, and no soil that is shipped"),
+        ({"material": "mud"}, "soil.material: given 'mud'; there is no such file or shipped soil"),
         ({"material": 3}, "soil.material: given 3; it must be a material file or a soil's name"),
         ({"particles": {"radius_m": 0.03}}, r"given 0.03; it must be a mean radius from 0.005 to 0.02 m"),
         ({"particles": None}, "soil.particles.radius_m: is missing; give a mean radius"),

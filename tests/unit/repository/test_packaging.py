@@ -47,7 +47,7 @@ LOCK = [
 RUN = PLAIN.keys() | EXTRAS["cad"].keys() | EXTRAS["report"].keys()
 """What `make run` installs beside ROS."""
 
-INSTALLED = RUN | EXTRAS["live"].keys() | EXTRAS["render"].keys() | EXTRAS["study"].keys()
+INSTALLED = RUN.union(*(EXTRAS[extra].keys() for extra in ("live", "render", "study", "workbench")))
 """What `make setup-extras` installs beside ROS."""
 
 MANIFEST = (ROOT / "package.xml").read_text()

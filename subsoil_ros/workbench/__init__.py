@@ -1,0 +1,1 @@
+"""The workbench: a page in the browser that writes scenes, runs them and compares what came out."""

@@ -1,0 +1,22 @@
+"""What the panels share."""
+
+from collections.abc import Callable
+from typing import TypeVar
+
+from nicegui import ui
+
+from ..errors import InputError
+
+T = TypeVar("T")
+
+FILES = "/files"
+"""Address of the project folder."""
+
+
+def tell(work: Callable[[], T]) -> T | None:
+    """Do it, or say on the page why not."""
+    try:
+        return work()
+    except (InputError, OSError) as error:
+        ui.notify(str(error), type="negative", timeout=10_000)
+        return None

@@ -1,0 +1,126 @@
+"""A project folder: scenes, tool files and runs by name. Nothing outside the folder has a name."""
+
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..errors import InputError
+from ..loading.files import shipped_names
+from ..yaml_document import Document, dump_yaml, parse_yaml
+
+TOOL_SUFFIXES = (".stl", ".step", ".stp", ".obj", ".3mf")
+LARGEST_TOOL_BYTES = 64_000_000
+"""Of an uploaded file: a hundred times the largest mesh of the examples."""
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,59}")
+
+PRESETS = ("real_time", "coarse", "standard", "fine")
+
+
+@dataclass(frozen=True)
+class Project:
+    """A folder of scenes (NAME.yaml), tool files and runs (runs/NAME)."""
+
+    folder: Path
+
+    @property
+    def runs(self) -> Path:
+        """The folder of the runs."""
+        return self.folder / "runs"
+
+    def scenes(self) -> list[str]:
+        """Names of the scenes."""
+        return sorted(path.stem for path in self.folder.glob("*.yaml") if _NAME.fullmatch(path.stem))
+
+    def tools(self) -> list[str]:
+        """Names of the tool files, with suffix."""
+        return sorted(path.name for path in self.folder.iterdir() if path.suffix.lower() in TOOL_SUFFIXES)
+
+    def scene_file(self, name: str) -> Path:
+        """The file of a scene. Raises InputError for a name that is none."""
+        return self.folder / f"{checked(name)}.yaml"
+
+    def run_folder(self, name: str) -> Path:
+        """The folder of a run. Raises InputError for a name that is none."""
+        return self.runs / checked(name)
+
+    def write_scene(self, name: str, text: str) -> None:
+        """Write a scene file, whole or not at all. Raises InputError for a name that is none."""
+        _write(self.scene_file(name), text.encode())
+
+    def add_tool(self, name: str, content: bytes) -> str:
+        """Keep an uploaded tool file, and return its name in the folder.
+
+        Raises:
+            InputError: its name or kind cannot be used, it is too large, or there is another one.
+        """
+        stem, suffix = Path(name).stem, Path(name).suffix.lower()
+        if suffix not in TOOL_SUFFIXES:
+            raise InputError(f"{name}: is of no kind that is read; {', '.join(TOOL_SUFFIXES)} are")
+        if len(content) > LARGEST_TOOL_BYTES:
+            raise InputError(f"{name}: has {len(content):,} bytes; {LARGEST_TOOL_BYTES:,} are allowed")
+        stem = re.sub(r"[^A-Za-z0-9_-]+", "_", stem).strip("_")
+        path = self.folder / f"{checked(stem)}{suffix}"
+        if path.exists() and path.read_bytes() != content:
+            raise InputError(f"{path.name}: there is another file of this name; rename yours")
+        _write(path, content)
+        return path.name
+
+
+def checked(name: str) -> str:
+    """The name itself. Raises InputError unless it is letters, digits, - and _ alone, 60 at most."""
+    if not _NAME.fullmatch(name):
+        raise InputError(f"name: given '{name[:80]}'; it must be 1 to 60 letters, digits, - and _")
+    return name
+
+
+def soils() -> list[str]:
+    """Names of the shipped soils."""
+    return [Path(name).stem for name in shipped_names("materials")]
+
+
+def first_scene(tool: str) -> Document:
+    """A scene in short around a tool file."""
+    return {
+        "soil": "loam",
+        "tools": {"tool": {"mesh": tool, "depth_m": 0.2, "speed_m_per_s": 0.5}},
+        "travel_m": 2.0,
+        "preset": "real_time",
+    }
+
+
+def form_of(text: str) -> Document | None:
+    """What the form shows of a scene in short with one tool; None for any other text."""
+    try:
+        document: Any = parse_yaml(text, "scene")
+        ((name, tool),) = document["tools"].items()
+    except (InputError, KeyError, TypeError, ValueError, AttributeError):
+        return None
+    if not isinstance(tool, dict) or "mesh" not in tool or not isinstance(document.get("soil"), str):
+        return None
+    keys = ("mesh", "unit", "depth_m", "speed_m_per_s")
+    seed = document.get("seed")
+    shown = {"tool": name, "soil": document["soil"], "seed": seed, **{key: tool.get(key) for key in keys}}
+    return shown | {key: document.get(key) for key in ("travel_m", "preset")}
+
+
+def with_form(text: str, changes: Document) -> str:
+    """The text of a scene in short with other values of the form; None removes a key."""
+    document: Any = parse_yaml(text, "scene")
+    ((_, tool),) = document["tools"].items()
+    for key, value in changes.items():
+        owner = tool if key in ("mesh", "unit", "depth_m", "speed_m_per_s") else document
+        if value is None:
+            owner.pop(key, None)
+        else:
+            owner[key] = value
+    return dump_yaml(document)
+
+
+def _write(path: Path, content: bytes) -> None:
+    """Write beside the file and rename: a reader never sees a half."""
+    part = path.with_name(f".{path.name}.part")
+    part.write_bytes(content)
+    os.replace(part, path)

@@ -1,0 +1,170 @@
+"""The panel of runs: their state, their draft and soil as they go on, reports and comparisons."""
+
+from functools import partial
+
+from nicegui import ui
+
+from . import jobs
+from .asides import COMMAND, ask, said
+from .notes import FILES, tell
+from .project import Project, checked
+
+DRAW_S = 600.0
+"""Longest time for a report or a comparison."""
+
+
+class RunsPanel:
+    """The runs: their state, their draft as it grows, and what can be done with them."""
+
+    def __init__(self, project: Project) -> None:
+        self._project = project
+        self._shown: list[jobs.Job] = []
+        self._looking = False
+        columns = [
+            {"name": name, "label": name, "field": name, "align": "left", "sortable": True}
+            for name in ("run", "scene", "state")
+        ]
+        with ui.row().classes("w-full no-wrap items-start"):
+            with ui.column().classes("w-96 gap-1"):
+                self._table = ui.table(
+                    columns=columns, rows=[], row_key="run", selection="multiple", pagination=12,
+                    on_select=lambda: self._chosen(),
+                ).props("dense").classes("w-full")  # fmt: skip
+                with ui.row():
+                    self._buttons = {
+                        name: ui.button(name, on_click=work).props("dense outline")
+                        for name, work in (
+                            ("Stop", self._stop), ("Resume", self._resume), ("Report", self._report),
+                            ("Compare", self._compare),
+                        )
+                    }  # fmt: skip
+            with ui.column().classes("grow gap-1"):
+                self._title = ui.label("Choose a run; choose two or more to compare them")
+                axes = {"type": "value", "scale": True, "nameLocation": "middle", "nameGap": 28}
+                self._plot = ui.echart(
+                    {
+                        "xAxis": {**axes, "name": "time [s]"},
+                        "yAxis": {**axes, "name": "draft [N]", "nameGap": 45},
+                        "grid": {"left": 70, "right": 20, "top": 20, "bottom": 45},
+                        "animation": False,
+                        "series": [{"type": "line", "showSymbol": False, "data": []}],
+                    }
+                ).classes("w-full h-64")
+                with ui.row().classes("w-full no-wrap"):
+                    self._soil = ui.scene(width=520, height=260, grid=False, background_color="#f4f4f0")
+                    self._links = ui.column().classes("gap-0")
+                self._detail = ui.label().classes("font-mono text-xs whitespace-pre-wrap")
+        self.refresh()
+        self._chosen()
+
+    def refresh(self) -> None:
+        """Show the runs as their files are now, and the draft of one that goes on."""
+        found = jobs.jobs(self._project)
+        if found == self._shown:
+            return
+        self._shown = found
+        self._table.update_rows(
+            [{"run": job.name, "scene": job.scene, "state": job.state} for job in reversed(found)],
+            clear_selection=False,
+        )
+        self._chosen()
+
+    async def look(self) -> None:
+        """Draw the draft so far of the chosen run, where it goes on."""
+        chosen = self._selected()
+        if len(chosen) == 1 and chosen[0].state == "running":
+            await self._draw(chosen[0])
+
+    def _selected(self) -> list[jobs.Job]:
+        names = {row["run"] for row in self._table.selected}
+        return [job for job in self._shown if job.name in names]
+
+    def _chosen(self) -> None:
+        chosen = self._selected()
+        one = chosen[0] if len(chosen) == 1 else None
+        whole = one is not None and one.state == "done"
+        for name, able in (
+            ("Stop", any(job.goes_on for job in chosen)),
+            ("Resume", one is not None and one.state in ("stopped", "failed")),
+            ("Report", whole),
+            ("Compare", len(chosen) > 1 and all(job.state == "done" for job in chosen)),
+        ):
+            self._buttons[name].set_enabled(able)
+        self._links.clear()
+        self._detail.set_text(one.detail if one else "")
+        if one is None:
+            self._title.set_text(f"{len(chosen)} runs" if chosen else "Choose a run; two or more to compare")
+            return
+        self._title.set_text(f"{one.name}: {one.state}")
+        if one.state != "queued":
+            with self._links:
+                for file in ("scene.yaml", "series.csv", "summary.json", "bag/bag_0.mcap", "report.html"):
+                    if (self._project.runs / one.name / file).is_file():
+                        ui.link(file, f"{FILES}/runs/{one.name}/{file}", new_tab=True)
+            ui.timer(0.0, lambda: self._draw(one), once=True)
+
+    async def _draw(self, job: jobs.Job) -> None:
+        if self._looking or not (self._project.runs / job.name / "bag").is_dir():
+            return
+        self._looking = True
+        answer = await ask("series", self._project.run_folder(job.name))
+        self._looking = False
+        if [job.name] != [item.name for item in self._selected()]:
+            return
+        if "error" in answer:
+            self._detail.set_text(job.detail or answer["error"])
+            return
+        data = [list(pair) for pair in zip(answer["time_s"], answer["draft_newton"], strict=True)]
+        self._plot.options["series"][0]["data"] = data
+        self._plot.options["xAxis"]["max"] = answer["duration_s"]
+        self._plot.update()
+        self._draw_soil(**answer["soil"])
+        done = f"{data[-1][0]:.2f} of {answer['duration_s']:g} s" if data else "begins"
+        mean = f"; mean draft {answer['mean']}" if answer["mean"] else ""
+        self._title.set_text(f"{job.name}: {job.state}, {done}{mean}")
+
+    def _draw_soil(self, positions_m: list[list[float]], colours: list[list[float]]) -> None:
+        self._soil.clear()
+        if not positions_m:
+            return
+        with self._soil:
+            self._soil.point_cloud(positions_m, colours, point_size=0.02)
+        low, high = (list(map(pick, zip(*positions_m, strict=True))) for pick in (min, max))
+        x, y, z = ((a + b) / 2.0 for a, b in zip(low, high, strict=True))
+        size = max(b - a for a, b in zip(low, high, strict=True))
+        self._soil.move_camera(x, y - 0.9 * size, z + 0.6 * size, x, y, z, duration=0.0)
+
+    def _stop(self) -> None:
+        for name in [job.name for job in self._selected()]:
+            tell(partial(jobs.stop, self._project, name))
+
+    def _resume(self) -> None:
+        (job,) = self._selected()
+        taken = {item.name for item in self._shown}
+        name = next(found for k in range(2, 10_000) if (found := f"{job.name[:50]}-r{k}") not in taken)
+        scene = job.scene or checked(job.name)
+        tell(lambda: jobs.ask_for(self._project, name, scene, resume=job.name))
+
+    async def _report(self) -> None:
+        (job,) = self._selected()
+        folder = self._project.run_folder(job.name)
+        await self._make(f"{FILES}/runs/{job.name}/report.html", "report", str(folder), "--html")
+
+    async def _compare(self) -> None:
+        names = [job.name for job in self._selected()]
+        place = self._project.folder / "comparisons"
+        place.mkdir(exist_ok=True)
+        taken = {path.name for path in place.iterdir()}
+        name = next(found for k in range(1, 10_000) if (found := f"{names[0][:40]}-{k}") not in taken)
+        folders = [str(self._project.run_folder(item)) for item in names]
+        page = f"{FILES}/comparisons/{name}/comparison.html"
+        await self._make(page, "compare", *folders, "--html", "--out", str(place / name))
+
+    async def _make(self, page: str, *words: str) -> None:
+        """Let a command write a page; link it, and show what the command said."""
+        self._detail.set_text(f"subsoil {words[0]} is at work ...")
+        status, out, err = await said(*COMMAND, *words, longest_s=DRAW_S)
+        self._detail.set_text(err if status else out)
+        if not status:
+            with self._links:
+                ui.link(page.rpartition("/")[2], page, new_tab=True)

@@ -1,0 +1,325 @@
+"""`subsoil workbench`: runs and work beside the page as processes, and the page in a real browser."""
+
+import asyncio
+import json
+import os
+import shutil
+import socket
+import subprocess
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import trimesh
+from selenium import webdriver
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+from selenium.webdriver.remote.webelement import WebElement
+from selenium.webdriver.support.ui import WebDriverWait
+
+from subsoil_ros.errors import InputError
+from subsoil_ros.workbench import asides, jobs
+from subsoil_ros.workbench.project import Project, first_scene
+from subsoil_ros.yaml_document import dump_yaml
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chromium-browser"))), None)
+DRIVER = shutil.which("chromedriver")
+PATIENCE_S = 300.0
+SHARE = Path(__file__).parents[2] / "config" / "meshes" / "share.stl"
+needs_page = pytest.importorskip("nicegui", reason="needs the extra workbench")
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Project:
+    """A project with a share and a scene around it, 0.5 m of a wedge model."""
+    shutil.copy(SHARE, tmp_path)
+    project = Project(tmp_path)
+    scene = first_scene("share.stl") | {"travel_m": 0.5}
+    scene["tools"]["tool"]["depth_m"] = 0.15
+    project.write_scene("pull", dump_yaml(scene))
+    return project
+
+
+def wait_for(project: Project, name: str, *states: str) -> jobs.Job:
+    """The run, once it is in one of the states."""
+    end = time.monotonic() + PATIENCE_S
+    while time.monotonic() < end:
+        jobs.start_due(project)
+        (job,) = (job for job in jobs.jobs(project) if job.name == name)
+        if job.state in states:
+            return job
+        time.sleep(0.05)
+    raise AssertionError(f"{name}: {job}")
+
+
+def test_runs_wait_for_a_core_and_leave_their_results(
+    project: Project, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One after the other on one core; runs of the command line are listed too; one that fails says why."""
+    monkeypatch.setattr(os, "cpu_count", lambda: 1)
+    project.write_scene("wrong", "soil: mud\n")
+    jobs.ask_for(project, "first", "pull")
+    jobs.ask_for(project, "second", "wrong")
+    with pytest.raises(InputError, match="a run of this name"):
+        jobs.ask_for(project, "first", "pull")
+    jobs.start_due(project)
+    assert [(job.name, job.state) for job in jobs.jobs(project)] == [
+        ("first", "running"), ("second", "queued"),
+    ]  # fmt: skip
+    assert wait_for(project, "first", "done", "failed").state == "done"
+    assert "mud" in wait_for(project, "second", "failed").detail
+    (project.runs / "first.job").unlink()
+    assert [(job.name, job.state) for job in jobs.jobs(project)] == [
+        ("first", "done"), ("second", "failed"),
+    ]  # fmt: skip
+    drawn = asyncio.run(asides.ask("series", project.run_folder("first")))
+    mean = json.loads((project.run_folder("first") / "summary.json").read_text())["series"]["draft_newton"][
+        "mean"
+    ]
+    assert drawn["mean"].startswith(f"{mean:.0f} N +- ")
+    assert len(drawn["time_s"]) == len(drawn["draft_newton"]) > 10
+    assert drawn["soil"]["positions_m"] == []
+
+
+def test_what_is_checked_beside_the_page(project: Project) -> None:
+    """The words of the command, and the tool at its depth; of a mesh with a hole the reason alone."""
+    answer = asyncio.run(asides.check(project.scene_file("pull")))
+    assert answer["ok"]
+    assert "150 mm deep" in answer["words"]
+    assert answer["bounds_m"][0][2] == pytest.approx(-0.15)
+    box = trimesh.creation.box((0.02, 0.1, 0.4))
+    box.update_faces([face > 0 for face in range(len(box.faces))])
+    box.export(project.folder / "share.stl")
+    answer = asyncio.run(asides.check(project.scene_file("pull")))
+    assert not answer["ok"]
+    assert answer["stl"] is None
+    assert "subsoil check: " in answer["words"]
+
+
+def test_work_that_takes_too_long_is_ended(monkeypatch: pytest.MonkeyPatch, project: Project) -> None:
+    monkeypatch.setattr(asides, "LONGEST_S", 0.01)
+    answer = asyncio.run(asides.check(project.scene_file("pull")))
+    assert (answer["ok"], answer["words"], answer["error"]) == (False, *2 * ("took longer than 0 s",))
+
+
+@pytest.fixture
+def address(project: Project) -> Iterator[str]:
+    """Of a workbench on a free port."""
+    yield from served(project)
+
+
+def served(project: Project, *words: str) -> Iterator[str]:
+    """The address that a workbench prints; its process is ended afterwards. NiceGUI heeds the variable."""
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    process = subprocess.Popen(
+        [*asides.COMMAND, "workbench", str(project.folder), "--port", str(port), *words],
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        env={key: value for key, value in os.environ.items() if key != "PYTEST_CURRENT_TEST"},
+    )  # fmt: skip
+    try:
+        assert process.stdout is not None
+        said = process.stdout.readline()
+        address = next((word for word in said.split() if word.startswith("http://")), None)
+        assert address is not None, said + process.stdout.read()
+        end = time.monotonic() + PATIENCE_S
+        while status(f"http://127.0.0.1:{port}/") is None and time.monotonic() < end:
+            time.sleep(0.05)
+        yield address
+    finally:
+        process.kill()
+        process.wait()
+        for job in jobs.jobs(project):
+            if job.goes_on:
+                jobs.stop(project, job.name)
+
+
+def status(address: str, **headers: str) -> int | None:
+    """HTTP status of an address; None: no answer."""
+    try:
+        with urllib.request.urlopen(urllib.request.Request(address, headers=headers), timeout=30) as answer:
+            return int(answer.status)
+    except urllib.error.HTTPError as error:
+        return error.code
+    except urllib.error.URLError:
+        return None
+
+
+def test_only_this_machine_and_only_the_folder_are_served(address: str, project: Project) -> None:
+    """Not a page that another host's name leads to, and no file outside the project."""
+    assert status(address) == 200
+    assert status(address, Host="evil.example") == 400
+    assert status(f"{address}files/pull.yaml") == 200
+    (project.folder / "link").symlink_to("/etc")
+    for path in ("../etc/passwd", "..%2f..%2fetc/passwd", "%2e%2e/passwd", "/etc/passwd", "link/passwd"):
+        assert status(f"{address}files/{path}") == 404, path
+
+
+def test_another_host_needs_the_token(project: Project) -> None:
+    for address in served(project, "--host", "0.0.0.0"):
+        bare, _, token = address.replace("0.0.0.0", "127.0.0.1").partition("?token=")
+        assert len(token) >= 32
+        assert status(bare) == status(f"{bare}files/pull.yaml") == status(f"{bare}?token=wrong") == 403
+        assert status(f"{bare}files/pull.yaml", Cookie=f"subsoil_workbench={token}") == 200
+        opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
+        with opener.open(f"{bare}?token={token}", timeout=30) as answer:
+            assert answer.status == 200
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("none",), "none: there is no such folder"),
+        ((".", "--port", "70000"), "--port 70000: cannot be used"),
+    ],
+)
+def test_what_cannot_be_served(words: tuple[str, ...], told: str) -> None:
+    command = [*asides.COMMAND, "workbench", *words]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+    assert (ended.returncode, told in ended.stderr) == (2, True), ended.stderr
+
+
+@pytest.fixture
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[webdriver.Chrome]:
+    """Headless Chromium of the size of a small screen; draws WebGL on the processor."""
+    options = webdriver.ChromeOptions()
+    assert CHROMIUM is not None
+    options.binary_location = CHROMIUM
+    profile = tmp_path_factory.mktemp("profile")
+    for flag in (
+        "headless=new", "no-sandbox", "disable-dev-shm-usage", "disable-background-networking",
+        "no-first-run", "disable-component-update", "disable-sync", "enable-unsafe-swiftshader",
+        "window-size=1280,860", f"user-data-dir={profile}",
+    ):  # fmt: skip
+        options.add_argument(f"--{flag}")
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    service = webdriver.ChromeService(executable_path=DRIVER, log_output=subprocess.DEVNULL)
+    driver = webdriver.Chrome(options, service)
+    try:
+        yield driver
+    finally:
+        driver.quit()
+
+
+class Designer:
+    """What a person does with the page."""
+
+    def __init__(self, browser: webdriver.Chrome, address: str) -> None:
+        self.browser = browser
+        browser.get(address)
+        self.connected()
+
+    def connected(self) -> None:
+        """Wait until the page hears what is done on it."""
+        self.until(lambda page: page.execute_script("return window.did_handshake === true"))
+
+    def field(self, label: str) -> WebElement:
+        """An input by its label, once it is there."""
+        return self.until(lambda page: page.find_element(By.CSS_SELECTOR, f'input[aria-label="{label}"]'))
+
+    def type(self, label: str, text: str) -> None:
+        """Put a text in place of what is there."""
+        field = self.field(label)
+        field.send_keys(Keys.CONTROL, "a")
+        field.send_keys(text)
+
+    def press(self, text: str) -> None:
+        """A button or tab by its words, once it can be pressed."""
+        path = "//*[self::button or @role='tab'][translate(., 'abcdefghijklmnopqrstuvwxyz', "
+        path += f"'ABCDEFGHIJKLMNOPQRSTUVWXYZ')='{text.upper()}' or @aria-label='{text}']"
+
+        def pressable(page: webdriver.Chrome) -> WebElement | None:
+            found = page.find_elements(By.XPATH, path)
+            return next((item for item in found if item.is_displayed() and item.is_enabled()), None)
+
+        self.until(pressable).click()
+
+    def sees(self, text: str) -> None:
+        """Wait until a text is on the page."""
+        self.until(lambda page: text in page.find_element(By.TAG_NAME, "body").text)
+
+    def choose(self, run: str) -> None:
+        """Mark a run in the table."""
+        path = f"//tr[td[.='{run}']]//*[@role='checkbox']"
+        self.until(lambda page: page.find_element(By.XPATH, path)).click()
+
+    def until(self, condition: Any) -> Any:
+        """What a condition gives once it gives something."""
+        waiting = WebDriverWait(self.browser, PATIENCE_S, ignored_exceptions=(Exception,))
+        return waiting.until(condition)
+
+    def complaints(self) -> list[str]:
+        """Errors on the console."""
+        return [entry["message"] for entry in self.browser.get_log("browser") if entry["level"] == "SEVERE"]
+
+
+@pytest.mark.full
+@pytest.mark.skipif(
+    CHROMIUM is None or DRIVER is None,
+    reason="no Chromium with its driver on PATH (Debian: apt install chromium chromium-driver)",
+)
+def test_from_a_tool_to_a_comparison(address: str, browser: webdriver.Chrome, project: Project) -> None:
+    """A tool is brought, a scene made and run, stopped, found again, resumed, and compared."""
+    designer = Designer(browser, address)
+    browser.find_element(By.CSS_SELECTOR, "input[type=file]").send_keys(str(SHARE))
+    designer.sees("share.stl is in the project")
+    designer.type("New scene: name", "tine" + Keys.ENTER)
+    designer.until(lambda page: designer.field("Scene").get_attribute("value") == "tine")
+    designer.type("Depth [m]", "0.15")
+    designer.type("Travel [m]", "60" + Keys.TAB)
+    designer.sees("150 mm deep")
+    assert "travel_m: 60" in project.scene_file("tine").read_text()
+    assert browser.execute_script("return document.documentElement.scrollHeight <= innerHeight"), (
+        "the first page scrolls"
+    )
+    designer.press("Run")
+    designer.sees("running")
+    designer.choose("tine-1")
+    designer.sees("mean draft")  # of what there is so far
+    designer.press("Stop")
+    designer.sees("stopped")
+    browser.refresh()
+    designer.connected()
+    designer.press("Runs")
+    designer.choose("tine-1")
+    designer.press("Resume")
+    designer.until(lambda page: (project.runs / "tine-1-r2" / "summary.json").is_file())
+    designer.choose("tine-1")
+    designer.choose("tine-1-r2")
+    designer.sees("120.00 of 120 s; mean draft")
+    jobs.ask_for(project, "other", "pull")
+    designer.until(lambda page: (project.runs / "other" / "summary.json").is_file())
+    designer.choose("other")
+    designer.press("Compare")
+    (page,) = designer.until(lambda _: list(project.folder.glob("comparisons/*/comparison.html")))
+    designer.sees("comparison.html")
+    assert designer.complaints() == []
+    link = browser.find_element(By.LINK_TEXT, "comparison.html").get_attribute("href")
+    assert link is not None
+    browser.get(link)
+    assert "tine-1-r2" in browser.page_source
+    assert page.stat().st_size > 1000
+
+
+@pytest.mark.full
+@pytest.mark.skipif(CHROMIUM is None or DRIVER is None, reason="no Chromium with its driver on PATH")
+def test_a_bad_mesh_is_named_and_cannot_run(
+    address: str, browser: webdriver.Chrome, project: Project, tmp_path: Path
+) -> None:
+    box = trimesh.creation.box((0.02, 0.1, 0.4))
+    box.update_faces([face > 0 for face in range(len(box.faces))])
+    hole = tmp_path / "elsewhere" / "hole.stl"
+    hole.parent.mkdir()
+    box.export(hole)
+    designer = Designer(browser, address)
+    designer.sees("150 mm deep")
+    browser.find_element(By.CSS_SELECTOR, "input[type=file]").send_keys(str(hole))
+    designer.sees("subsoil check: ")
+    assert "hole.stl" in project.scene_file("pull").read_text()
+    run = browser.find_element(By.XPATH, "//button[.='Run']")
+    designer.until(lambda page: not run.is_enabled())
+    assert designer.complaints() == []

@@ -15,7 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "folder",
         nargs="?",
         default=".",
-        help="project: scenes (.yaml), tool files, runs/ (default: this one)",
+        help="project: scenes (.yaml), tool files, runs/; made if missing (default: this one)",
     )
     parser.add_argument(
         "--host",
@@ -29,8 +29,12 @@ def run(args: argparse.Namespace) -> int:
     """Serve the page until Ctrl-C."""
     require("subsoil workbench", "nicegui")
     folder = Path(args.folder)
-    if not folder.is_dir():
-        raise InputError(f"{folder}: there is no such folder; make it, or give another")
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"{folder}: is no folder, and cannot be made ({error.strerror}); give another"
+        ) from error
     try:
         with socket.create_server((args.host, args.port)):
             pass

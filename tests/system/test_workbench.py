@@ -173,7 +173,7 @@ def test_another_host_needs_the_token(project: Project) -> None:
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (("none",), "none: there is no such folder"),
+        (("none/none",), "none/none: is no folder, and cannot be made"),
         ((".", "--port", "70000"), "--port 70000: cannot be used"),
     ],
 )

@@ -12,6 +12,7 @@ import resource
 import sys
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 COMMAND = (sys.executable, "-m", "subsoil_ros.cli.main")
 """Of `subsoil`, in this installation."""
@@ -49,19 +50,31 @@ async def ask(work: str, subject: Path) -> dict[str, Any]:
 
 
 async def said(*words: str, longest_s: float) -> tuple[int, str, str]:
-    """Exit status, output and errors of a command, limited in time and memory."""
-    process = await asyncio.create_subprocess_exec(
-        *words, stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE,
-        stderr=asyncio.subprocess.PIPE, env=os.environ | {"COLUMNS": str(COLUMNS)},
-    )  # fmt: skip
-    resource.prlimit(process.pid, resource.RLIMIT_AS, (LARGEST_BYTES, LARGEST_BYTES))
-    try:
-        out, err = await asyncio.wait_for(process.communicate(), longest_s)
-    except asyncio.TimeoutError:
-        process.kill()
-        await process.wait()
-        return 1, "", f"took longer than {longest_s:.0f} s"
-    return process.returncode or 0, out.decode(errors="replace"), err.decode(errors="replace")
+    """Exit status, output and errors of a command, limited in time and memory; two at once, others wait."""
+    async with _room():
+        process = await asyncio.create_subprocess_exec(
+            *words, stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.PIPE, env=os.environ | {"COLUMNS": str(COLUMNS)},
+        )  # fmt: skip
+        try:
+            _, most = resource.prlimit(process.pid, resource.RLIMIT_AS)
+            limit = LARGEST_BYTES if most == resource.RLIM_INFINITY else min(LARGEST_BYTES, most)
+            resource.prlimit(process.pid, resource.RLIMIT_AS, (limit, limit))
+            out, err = await asyncio.wait_for(process.communicate(), longest_s)
+        except asyncio.TimeoutError:
+            return 1, "", f"took longer than {longest_s:.0f} s"
+        finally:
+            if process.returncode is None:  # also where the page went away
+                process.kill()
+        return process.returncode or 0, out.decode(errors="replace"), err.decode(errors="replace")
+
+
+_rooms: WeakKeyDictionary[asyncio.AbstractEventLoop, asyncio.Semaphore] = WeakKeyDictionary()
+
+
+def _room() -> asyncio.Semaphore:
+    """Of the running loop."""
+    return _rooms.setdefault(asyncio.get_running_loop(), asyncio.Semaphore(2))
 
 
 def tools(file: Path) -> dict[str, Any]:

@@ -17,6 +17,6 @@ def tell(work: Callable[[], T]) -> T | None:
     """Do it, or say on the page why not."""
     try:
         return work()
-    except (InputError, OSError) as error:
+    except (InputError, OSError, UnicodeError) as error:
         ui.notify(str(error), type="negative", timeout=10_000)
         return None

@@ -1,6 +1,7 @@
 """The page: a panel of scenes and one of runs."""
 
 from nicegui import app, ui
+from starlette.responses import FileResponse, Response
 
 from . import jobs
 from .notes import FILES
@@ -8,14 +9,21 @@ from .project import Project
 from .runs_panel import RunsPanel
 from .scene_panel import ScenePanel
 
+FRESH = {"cache-control": "no-cache"}
+"""Files of a run that goes on change."""
+
 SHOWN_S, LOOKED_S = 1.0, 3.0
 """Between two looks at the files, and at the record of a run that goes on."""
 
 
 def build(project: Project) -> None:
     """Register the page of a project."""
-    app.add_static_files(FILES, project.folder)
     app.timer(SHOWN_S, lambda: jobs.start_due(project))
+
+    @app.get(FILES + "/{path:path}")
+    def file(path: str) -> Response:
+        found = project.served(path)
+        return Response(status_code=404) if found is None else FileResponse(found, headers=FRESH)
 
     @ui.page("/", title="subsoil workbench")
     def index() -> None:

@@ -3,18 +3,25 @@
 import os
 import re
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
+from ruamel.yaml import YAML
+
 from ..errors import InputError
 from ..loading.files import shipped_names
-from ..yaml_document import Document, dump_yaml, parse_yaml
+from ..yaml_document import Document, parse_yaml
 
 TOOL_SUFFIXES = (".stl", ".step", ".stp", ".obj", ".3mf")
 LARGEST_TOOL_BYTES = 64_000_000
 """Of an uploaded file: a hundred times the largest mesh of the examples."""
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,59}")
+
+TOOL_KEYS = ("unit", "depth_m", "speed_m_per_s")
+NUMBERS = ("depth_m", "speed_m_per_s", "travel_m")
+"""Keys of the form: of the tool beside its mesh, and those that are numbers."""
 
 PRESETS = ("real_time", "coarse", "standard", "fine")
 
@@ -32,7 +39,7 @@ class Project:
 
     def scenes(self) -> list[str]:
         """Names of the scenes."""
-        return sorted(path.stem for path in self.folder.glob("*.yaml") if _NAME.fullmatch(path.stem))
+        return sorted(path.stem for path in self.folder.glob("*.yaml") if is_name(path.stem))
 
     def tools(self) -> list[str]:
         """Names of the tool files, with suffix."""
@@ -46,9 +53,23 @@ class Project:
         """The folder of a run. Raises InputError for a name that is none."""
         return self.runs / checked(name)
 
-    def write_scene(self, name: str, text: str) -> None:
-        """Write a scene file, whole or not at all. Raises InputError for a name that is none."""
-        _write(self.scene_file(name), text.encode())
+    def write_scene(self, name: str, text: str) -> Path:
+        """Write a scene file, whole or not at all; return it. Raises InputError for a name that is none."""
+        file = self.scene_file(name)
+        write(file, text.encode())
+        return file
+
+    def served(self, path: str) -> Path | None:
+        """A file that a browser may read: a scene, a tool, one below runs/ or comparisons/; none hidden."""
+        parts = Path(path).parts
+        if not parts or any(part.startswith(".") or "\0" in part for part in parts):
+            return None
+        if len(parts) > 1 and parts[0] not in ("runs", "comparisons"):
+            return None
+        file = (self.folder / path).resolve()
+        if len(parts) == 1 and file.suffix.lower() not in (".yaml", *TOOL_SUFFIXES):
+            return None
+        return file if file.is_relative_to(self.folder.resolve()) and file.is_file() else None
 
     def add_tool(self, name: str, content: bytes) -> str:
         """Keep an uploaded tool file, and return its name in the folder.
@@ -65,13 +86,18 @@ class Project:
         path = self.folder / f"{checked(stem)}{suffix}"
         if path.exists() and path.read_bytes() != content:
             raise InputError(f"{path.name}: there is another file of this name; rename yours")
-        _write(path, content)
+        write(path, content)
         return path.name
+
+
+def is_name(name: str) -> bool:
+    """Whether it is 1 to 60 letters, digits, - and _, and begins with one of the first two."""
+    return _NAME.fullmatch(name) is not None
 
 
 def checked(name: str) -> str:
     """The name itself. Raises InputError unless it is letters, digits, - and _ alone, 60 at most."""
-    if not _NAME.fullmatch(name):
+    if not is_name(name):
         raise InputError(f"name: given '{name[:80]}'; it must be 1 to 60 letters, digits, - and _")
     return name
 
@@ -95,32 +121,37 @@ def form_of(text: str) -> Document | None:
     """What the form shows of a scene in short with one tool; None for any other text."""
     try:
         document: Any = parse_yaml(text, "scene")
-        ((name, tool),) = document["tools"].items()
+        ((_, tool),) = document["tools"].items()
+        shown: Document = {key: tool.get(key) for key in ("mesh", *TOOL_KEYS)}
+        shown |= {key: document.get(key) for key in ("soil", "travel_m", "preset")}
     except (InputError, KeyError, TypeError, ValueError, AttributeError):
         return None
-    if not isinstance(tool, dict) or "mesh" not in tool or not isinstance(document.get("soil"), str):
-        return None
-    keys = ("mesh", "unit", "depth_m", "speed_m_per_s")
-    seed = document.get("seed")
-    shown = {"tool": name, "soil": document["soil"], "seed": seed, **{key: tool.get(key) for key in keys}}
-    return shown | {key: document.get(key) for key in ("travel_m", "preset")}
+    fits = all(
+        value is None or isinstance(value, (int, float) if key in NUMBERS else str)
+        for key, value in shown.items()
+    )
+    return shown if fits and shown["mesh"] and shown["soil"] else None
 
 
 def with_form(text: str, changes: Document) -> str:
-    """The text of a scene in short with other values of the form; None removes a key."""
-    document: Any = parse_yaml(text, "scene")
+    """The text of a scene in short with other values of the form, its comments kept; None removes a key."""
+    yaml = YAML(typ="rt")
+    yaml.width = 1000
+    document = yaml.load(text)
     ((_, tool),) = document["tools"].items()
     for key, value in changes.items():
-        owner = tool if key in ("mesh", "unit", "depth_m", "speed_m_per_s") else document
+        owner = tool if key in ("mesh", *TOOL_KEYS) else document
         if value is None:
             owner.pop(key, None)
         else:
             owner[key] = value
-    return dump_yaml(document)
+    out = StringIO()
+    yaml.dump(document, out)
+    return out.getvalue()
 
 
-def _write(path: Path, content: bytes) -> None:
-    """Write beside the file and rename: a reader never sees a half."""
+def write(path: Path, content: bytes) -> None:
+    """Write a file whole: beside itself, then renamed, so that a reader never sees a half."""
     part = path.with_name(f".{path.name}.part")
     part.write_bytes(content)
     os.replace(part, path)

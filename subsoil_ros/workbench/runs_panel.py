@@ -1,13 +1,14 @@
 """The panel of runs: their state, their draft and soil as they go on, reports and comparisons."""
 
 from functools import partial
+from typing import Any
 
-from nicegui import ui
+from nicegui import background_tasks, ui
 
 from . import jobs
 from .asides import COMMAND, ask, said
 from .notes import FILES, tell
-from .project import Project, checked
+from .project import Project
 
 DRAW_S = 600.0
 """Longest time for a report or a comparison."""
@@ -19,7 +20,8 @@ class RunsPanel:
     def __init__(self, project: Project) -> None:
         self._project = project
         self._shown: list[jobs.Job] = []
-        self._looking = False
+        self._looking = self._writes = False
+        self._drawn = ""  # name of the run in the plot
         columns = [
             {"name": name, "label": name, "field": name, "align": "left", "sortable": True}
             for name in ("run", "scene", "state")
@@ -70,50 +72,70 @@ class RunsPanel:
         self._chosen()
 
     async def look(self) -> None:
-        """Draw the draft so far of the chosen run, where it goes on."""
-        chosen = self._selected()
-        if len(chosen) == 1 and chosen[0].state == "running":
-            await self._draw(chosen[0])
+        """Draw the record so far of the chosen run, where it goes on."""
+        if (one := self._one()) is not None and one.state == "running":
+            await self._draw()
 
     def _selected(self) -> list[jobs.Job]:
         names = {row["run"] for row in self._table.selected}
         return [job for job in self._shown if job.name in names]
 
     def _chosen(self) -> None:
+        """Show the state of the chosen runs, and the record of the one that is chosen."""
         chosen = self._selected()
         one = chosen[0] if len(chosen) == 1 else None
-        whole = one is not None and one.state == "done"
+        done = bool(chosen) and all(job.state == "done" for job in chosen)
         for name, able in (
-            ("Stop", any(job.goes_on for job in chosen)),
+            ("Stop", any(job.state in ("queued", "running") for job in chosen)),
             ("Resume", one is not None and one.state in ("stopped", "failed")),
-            ("Report", whole),
-            ("Compare", len(chosen) > 1 and all(job.state == "done" for job in chosen)),
+            ("Report", one is not None and done and not self._writes),
+            ("Compare", len(chosen) > 1 and done and not self._writes),
         ):
             self._buttons[name].set_enabled(able)
+        if one is None or one.name != self._drawn:
+            self._drawn = ""
+            self._plot.options["series"][0]["data"] = []
+            self._plot.update()
+            self._soil.clear()
         self._links.clear()
         self._detail.set_text(one.detail if one else "")
         if one is None:
             self._title.set_text(f"{len(chosen)} runs" if chosen else "Choose a run; two or more to compare")
             return
         self._title.set_text(f"{one.name}: {one.state}")
-        if one.state != "queued":
-            with self._links:
-                for file in ("scene.yaml", "series.csv", "summary.json", "bag/bag_0.mcap", "report.html"):
-                    if (self._project.runs / one.name / file).is_file():
-                        ui.link(file, f"{FILES}/runs/{one.name}/{file}", new_tab=True)
-            ui.timer(0.0, lambda: self._draw(one), once=True)
+        with self._links:
+            for file in ("scene.yaml", "series.csv", "summary.json", "bag/bag_0.mcap", "report.html"):
+                if (self._project.runs / one.name / file).is_file():
+                    ui.link(file, f"{FILES}/runs/{one.name}/{file}", new_tab=True)
+        background_tasks.create(self._draw())
 
-    async def _draw(self, job: jobs.Job) -> None:
-        if self._looking or not (self._project.runs / job.name / "bag").is_dir():
+    async def _draw(self) -> None:
+        """Draw the record of the chosen run, again where another one was chosen meanwhile."""
+        if self._looking:
             return
         self._looking = True
-        answer = await ask("series", self._project.run_folder(job.name))
-        self._looking = False
-        if [job.name] != [item.name for item in self._selected()]:
-            return
+        try:
+            seen: jobs.Job | None = None
+            while (one := self._one()) is not None and one != seen:
+                seen = one
+                if not (self._project.runs / one.name / "bag").is_dir():
+                    return
+                answer = await ask("series", self._project.run_folder(one.name))
+                if one == self._one():
+                    self._show(one, answer)
+        finally:
+            self._looking = False
+
+    def _one(self) -> jobs.Job | None:
+        """The run that is chosen alone, as it is now."""
+        chosen = self._selected()
+        return chosen[0] if len(chosen) == 1 else None
+
+    def _show(self, job: jobs.Job, answer: dict[str, Any]) -> None:
         if "error" in answer:
             self._detail.set_text(job.detail or answer["error"])
             return
+        self._drawn = job.name
         data = [list(pair) for pair in zip(answer["time_s"], answer["draft_newton"], strict=True)]
         self._plot.options["series"][0]["data"] = data
         self._plot.options["xAxis"]["max"] = answer["duration_s"]
@@ -135,20 +157,19 @@ class RunsPanel:
         self._soil.move_camera(x, y - 0.9 * size, z + 0.6 * size, x, y, z, duration=0.0)
 
     def _stop(self) -> None:
-        for name in [job.name for job in self._selected()]:
+        for name in [job.name for job in self._selected() if job.goes_on]:
             tell(partial(jobs.stop, self._project, name))
 
     def _resume(self) -> None:
-        (job,) = self._selected()
-        taken = {item.name for item in self._shown}
-        name = next(found for k in range(2, 10_000) if (found := f"{job.name[:50]}-r{k}") not in taken)
-        scene = job.scene or checked(job.name)
-        tell(lambda: jobs.ask_for(self._project, name, scene, resume=job.name))
+        if (job := self._one()) is not None:
+            taken = {item.name for item in self._shown}
+            name = next(found for k in range(2, 10_000) if (found := f"{job.name[:50]}-r{k}") not in taken)
+            tell(lambda: jobs.ask_for(self._project, name, job.scene, resume=job.name))
 
     async def _report(self) -> None:
-        (job,) = self._selected()
-        folder = self._project.run_folder(job.name)
-        await self._make(f"{FILES}/runs/{job.name}/report.html", "report", str(folder), "--html")
+        if (job := self._one()) is not None:
+            folder = self._project.run_folder(job.name)
+            await self._make(f"{FILES}/runs/{job.name}/report.html", "report", str(folder), "--html")
 
     async def _compare(self) -> None:
         names = [job.name for job in self._selected()]
@@ -161,10 +182,15 @@ class RunsPanel:
         await self._make(page, "compare", *folders, "--html", "--out", str(place / name))
 
     async def _make(self, page: str, *words: str) -> None:
-        """Let a command write a page; link it, and show what the command said."""
+        """Let a command write a page; show what it said and link the page, if the same is chosen still."""
+        before, self._writes = self._selected(), True
+        self._chosen()
         self._detail.set_text(f"subsoil {words[0]} is at work ...")
         status, out, err = await said(*COMMAND, *words, longest_s=DRAW_S)
-        self._detail.set_text(err if status else out)
-        if not status:
-            with self._links:
-                ui.link(page.rpartition("/")[2], page, new_tab=True)
+        self._writes = False
+        self._chosen()
+        if self._selected() == before:
+            self._detail.set_text(err if status else out)
+            if not status:
+                with self._links:
+                    ui.link(page.rpartition("/")[2], page, new_tab=True)

@@ -2,9 +2,11 @@
 
 import asyncio
 from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
 from typing import Any
 
-from nicegui import events, ui
+from nicegui import background_tasks, events, ui
 
 from ..errors import InputError
 from ..yaml_document import dump_yaml
@@ -37,14 +39,15 @@ class ScenePanel:
 
     def __init__(self, project: Project, run_asked: Callable[[], object]) -> None:
         self._project, self._run_asked = project, run_asked
-        self._name, self._due, self._filling = "", 0, False
+        self._name, self._kept = "", ""  # the open scene, and the text that its file has
+        self._due, self._filling, self._brought = 0, False, ""
         with ui.row().classes("w-full no-wrap items-start gap-3"):
             with ui.column().classes("w-56 shrink-0 gap-1"):
                 self._files()
                 with ui.column().classes("w-full gap-0") as self._form:
                     self._fields = self._build_form()
             with ui.column().classes("grow min-w-0 gap-1"):
-                self._text = ui.codemirror(language="YAML", on_change=self._typed).classes("w-full h-40")
+                self._place = ui.column().classes("w-full h-40 gap-0")
                 self._warnings = ui.label().classes("text-sm whitespace-pre-wrap bg-amber-2 w-full")
                 self._words = ui.label().classes("font-mono text-xs whitespace-pre overflow-auto w-full")
                 self._words.style("height: 390px")
@@ -53,6 +56,7 @@ class ScenePanel:
                 with ui.row().classes("items-center"):
                     self._run_name = ui.input("Name of the run").props("dense").classes("w-48")
                     self._run = ui.button("Run", on_click=self._ask_for_run)
+        self._edit("")
         self.refresh()
         if self._scenes.options:
             self._scenes.set_value(self._scenes.options[0])
@@ -93,20 +97,38 @@ class ScenePanel:
         return fields
 
     def refresh(self) -> None:
-        """Show the files that are in the folder now."""
+        """Show the files that are in the folder now, and the scene as it was changed elsewhere."""
         if (scenes := self._project.scenes()) != self._scenes.options:
             self._scenes.set_options(scenes)
         mesh = self._fields["mesh"]
         tools = sorted({*self._project.tools(), *([mesh.value] if mesh.value else [])})
         if tools != mesh.options:
             mesh.set_options(tools)
+        if self._name and (text := self._read(self._name)) not in (None, self._kept):
+            self._show(self._name, text or "")
+
+    def _read(self, name: str) -> str | None:
+        """The text of a scene; None, and a message, where it cannot be read."""
+        with suppress(FileNotFoundError):  # deleted elsewhere: the text here remains
+            return tell(partial(self._project.scene_file(name).read_text, encoding="utf-8"))
+        return None
 
     def _open(self, name: str | None) -> None:
-        if name:
-            self._name = name
-            self._text.set_value(tell(self._project.scene_file(name).read_text) or "")
+        if name and (text := self._read(name)) is not None:
+            self._show(name, text)
             self._run_name.set_value(self._free_name(name))
-            self._fill()
+
+    def _show(self, name: str, text: str) -> None:
+        """Open a scene in an editor of its own: nothing of the one before can be undone into it."""
+        self._name, self._kept = name, text
+        self._edit(text)
+        self._fill()
+        background_tasks.create(self._check())
+
+    def _edit(self, text: str) -> None:
+        self._place.clear()
+        with self._place:
+            self._text = ui.codemirror(text, language="YAML", on_change=self._typed).classes("w-full h-40")
 
     def _free_name(self, name: str) -> str:
         taken = {job.name for job in jobs.jobs(self._project)}
@@ -121,8 +143,7 @@ class ScenePanel:
         def write() -> None:
             if checked(name) in self._project.scenes():
                 raise InputError(f"{name}: there is a scene of this name; choose another")
-            mesh = self._fields["mesh"].value
-            tool = mesh if mesh in tools else tools[0]
+            tool = next(tool for tool in (self._brought, self._fields["mesh"].value, *tools) if tool in tools)
             self._project.write_scene(name, dump_yaml(first_scene(tool)))
             self.refresh()
             self._scenes.set_value(name)
@@ -131,39 +152,62 @@ class ScenePanel:
         tell(write)
 
     async def _uploaded(self, event: events.UploadEventArguments) -> None:
+        if event.file.size() > LARGEST_TOOL_BYTES:
+            ui.notify(f"{event.file.name}: is too large", type="negative")
+            return
         content = await event.file.read()
         if name := tell(lambda: self._project.add_tool(event.file.name, content)):
+            self._brought = name
             self.refresh()
-            if self._form.visible:
-                self._fields["mesh"].set_value(name)
-            ui.notify(f"{name} is in the project")
+            ui.notify(f"{name} is in the project: choose it, or name a new scene")
 
     def _fill(self) -> None:
         """Show the text in the form; without a form where it is no scene in short."""
         form = form_of(self._text.value)
         self._form.set_visibility(form is not None)
+        if form is None:
+            return
         self._filling = True
-        for key, field in self._fields.items():
-            if form is not None:
-                value = form[key]
-                if isinstance(field, ui.select) and value not in field.options and value is not None:
-                    field.set_options([*field.options, value])
-                field.set_value(value)
-        self._filling = False
+        try:
+            for key, field in self._fields.items():
+                if isinstance(field, ui.select) and form[key] not in (None, *field.options):
+                    field.set_options([*field.options, form[key]])
+                field.set_value(form[key])
+        finally:
+            self._filling = False
 
     def _changed(self, key: str, value: object) -> None:
         if not self._filling and self._name and form_of(self._text.value) is not None:
             self._text.set_value(with_form(self._text.value, {key: value}))
 
+    def _keep(self) -> bool:
+        """Write the text to its file; not over what was changed elsewhere. Return whether it is there."""
+        name, text = self._name, self._text.value
+        if not name or text == self._kept:
+            return bool(name)
+        if (there := self._read(name)) not in (None, self._kept):
+            ui.notify(f"{name} was changed elsewhere: your last change is left out", type="warning")
+            self._show(name, there or "")
+            return False
+        if tell(partial(self._project.write_scene, name, text)) is None:
+            return False
+        self._kept = text
+        return True
+
     async def _typed(self) -> None:
-        """Keep the text and check it, once nothing has been typed for a while."""
+        """Keep the text, and check it once nothing has been typed for a while."""
+        self._run.set_enabled(False)
+        if self._keep():
+            self._fill()
+            await self._check()
+
+    async def _check(self) -> None:
         self._due += 1
-        mine, name, text = self._due, self._name, self._text.value
+        mine, name = self._due, self._name
+        self._run.set_enabled(False)
         await asyncio.sleep(TYPING_S)
-        if mine != self._due or not name:
+        if mine != self._due:
             return
-        self._fill()
-        tell(lambda: self._project.write_scene(name, text))
         self._words.set_text("checking ...")
         answer = await check(self._project.scene_file(name))
         if mine == self._due:
@@ -171,7 +215,7 @@ class ScenePanel:
             told = [line for line in lines if line.startswith(TOLD)]
             self._warnings.set_text("\n".join(told))
             self._words.set_text("\n".join(line for line in lines if line not in told))
-            self._run.set_enabled(bool(answer.get("ok")))
+            self._run.set_enabled(bool(answer["ok"]))
             self._draw(answer)
 
     def _draw(self, answer: dict[str, Any]) -> None:
@@ -188,6 +232,9 @@ class ScenePanel:
         self._view.move_camera(x + 0.7 * size, y - 1.5 * size, z + 0.9 * size, x, y, z, duration=0.0)
 
     def _ask_for_run(self) -> None:
+        if not self._keep():
+            return
+
         def begin() -> None:
             jobs.ask_for(self._project, self._run_name.value or "", self._name)
             self._run_name.set_value(self._free_name(self._name))

@@ -66,6 +66,7 @@ def test_runs_wait_for_a_core_and_leave_their_results(
     jobs.ask_for(project, "second", "wrong")
     with pytest.raises(InputError, match="a run of this name"):
         jobs.ask_for(project, "first", "pull")
+    project.write_scene("pull", "changed: after it was asked for\n")
     jobs.start_due(project)
     assert [(job.name, job.state) for job in jobs.jobs(project)] == [
         ("first", "running"), ("second", "queued"),
@@ -154,17 +155,30 @@ def test_only_this_machine_and_only_the_folder_are_served(address: str, project:
     assert status(address) == 200
     assert status(address, Host="evil.example") == 400
     assert status(f"{address}files/pull.yaml") == 200
-    (project.folder / "link").symlink_to("/etc")
-    for path in ("../etc/passwd", "..%2f..%2fetc/passwd", "%2e%2e/passwd", "/etc/passwd", "link/passwd"):
+    project.runs.mkdir(exist_ok=True)
+    (project.runs / "link").symlink_to("/etc")
+    (project.folder / ".secret.yaml").touch()
+    (project.folder / "notes.txt").touch()
+    for path in (
+        "../etc/passwd", "..%2f..%2fetc/passwd", "%2e%2e/passwd", "/etc/passwd", "runs/link/passwd",
+        "runs/../notes.txt", "notes.txt", ".secret.yaml", "runs/.lock", "runs", "", "a%00b.yaml",
+    ):  # fmt: skip
         assert status(f"{address}files/{path}") == 404, path
+
+
+def test_one_workbench_serves_a_project(address: str, project: Project) -> None:
+    """Two would start each run twice."""
+    with pytest.raises(InputError, match="another workbench serves it"):
+        jobs.claim(project)
 
 
 def test_another_host_needs_the_token(project: Project) -> None:
     for address in served(project, "--host", "0.0.0.0"):
         bare, _, token = address.replace("0.0.0.0", "127.0.0.1").partition("?token=")
         assert len(token) >= 32
+        name = f"subsoil_workbench_{bare.rstrip('/').rpartition(':')[2]}"
         assert status(bare) == status(f"{bare}files/pull.yaml") == status(f"{bare}?token=wrong") == 403
-        assert status(f"{bare}files/pull.yaml", Cookie=f"subsoil_workbench={token}") == 200
+        assert status(f"{bare}files/pull.yaml", Cookie=f'a={{"x": 1}}; {name}={token}') == 200
         opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
         with opener.open(f"{bare}?token={token}", timeout=30) as answer:
             assert answer.status == 200
@@ -318,8 +332,11 @@ def test_a_bad_mesh_is_named_and_cannot_run(
     designer = Designer(browser, address)
     designer.sees("150 mm deep")
     browser.find_element(By.CSS_SELECTOR, "input[type=file]").send_keys(str(hole))
+    designer.sees("hole.stl is in the project")
+    assert "share.stl" in project.scene_file("pull").read_text()
+    designer.type("New scene: name", "bad" + Keys.ENTER)
     designer.sees("subsoil check: ")
-    assert "hole.stl" in project.scene_file("pull").read_text()
+    assert "hole.stl" in project.scene_file("bad").read_text()
     run = browser.find_element(By.XPATH, "//button[.='Run']")
     designer.until(lambda page: not run.is_enabled())
     assert designer.complaints() == []

@@ -72,14 +72,28 @@ def test_the_form_changes_its_keys_alone(project: Project) -> None:
     form = form_of(text)
     assert form is not None
     assert (form["mesh"], form["soil"], form["depth_m"], form["unit"]) == ("plate.stl", "loam", 0.15, None)
-    changed: Any = parse_yaml(with_form(text, {"depth_m": 0.1, "unit": "mm", "preset": None}), "scene")
+    changes = {"depth_m": 0.1, "unit": "mm", "preset": None}
+    commented = with_form(f"# firm\n{text}", changes)
+    assert commented.startswith("# firm\n")
+    changed: Any = parse_yaml(commented, "scene")
     whole: Any = parse_yaml(text, "scene")
     del whole["preset"]
     whole["tools"]["tool"] |= {"depth_m": 0.1, "unit": "mm"}
     assert changed == whole
 
 
-@pytest.mark.parametrize("text", ["", "a: [", "tools: 3", "tools: {a: {}, b: {}}", "tools: {a: {path: {}}}"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "a: [",
+        "tools: 3",
+        "tools: {a: {}, b: {}}",
+        "tools: {a: {path: {}}}",
+        "{soil: loam, tools: {a: {mesh: a.stl, depth_m: 10 cm}}}",
+        "{soil: {}, tools: {a: {mesh: a.stl}}}",
+    ],
+)
 def test_other_scenes_have_no_form(text: str) -> None:
     assert form_of(text) is None
 
@@ -101,3 +115,16 @@ def test_another_process_of_the_number_is_not_the_run(project: Project) -> None:
     file.write_text(json.dumps(json.loads(file.read_text()) | {"pid": os.getpid()}))
     assert jobs.jobs(project)[0].state == "failed"
     jobs.stop(project, "first")
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{}", "[]", "3", "{", '{"asked_ns": 1, "words": []}', '{"asked_ns": "a"}']
+)
+def test_files_of_others_are_no_runs(project: Project, text: str) -> None:
+    """A damaged one does not hide the rest."""
+    jobs.ask_for(project, "first", "pull")
+    (project.runs / "other.job").write_text(text)
+    (project.runs / "a b.job").write_text(text)
+    (project.runs / "made").mkdir()
+    (project.runs / "made" / "summary.json").write_text(text)
+    assert [(job.name, job.state) for job in jobs.jobs(project)] == [("made", "failed"), ("first", "queued")]

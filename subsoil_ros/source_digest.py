@@ -26,7 +26,7 @@ PACKAGE = Path(__file__).parent
 RESULT_LIBRARIES = ("numba", "numpy", "scipy")
 """Libraries whose versions are part of the digest of results."""
 
-WITHOUT_RESULTS = ("cli", "ros", "figures")
+WITHOUT_RESULTS = ("cli", "workbench", "ros", "figures")
 """Folders that no recorded number depends on."""
 
 

@@ -5,15 +5,17 @@ import io
 import math
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import trimesh
 
 from ..cache_folders import user_cache_folder
 from ..errors import SceneError
 from ..extras import require
 from .tools import METRES, Blade, MeshUnit, Upward
+
+if TYPE_CHECKING:
+    import trimesh
 
 STEP = (".step", ".stp")
 FORMATS = (".stl", ".obj", ".3mf", *STEP)
@@ -28,18 +30,20 @@ LIKELY_M = (0.05, 5.0)
 """Sizes of whole tools in metres; outside of them the unit of a file without one is asked for."""
 
 
-def size_of(mesh: trimesh.Trimesh) -> str:
+def size_of(mesh: "trimesh.Trimesh") -> str:
     """Edges of the mesh's box in words."""
     return " x ".join(f"{edge:.4g}" for edge in np.ptp(mesh.vertices, axis=0))
 
 
-def read_cad(path: Path, where: str) -> tuple[trimesh.Trimesh, float | None]:
+def read_cad(path: Path, where: str) -> "tuple[trimesh.Trimesh, float | None]":
     """The mesh in the unit of its file, and metres per unit; None where the format names no unit.
 
     Raises:
         SceneError: another format, a file that cannot be read or holds no facets.
         InputError: STEP or 3MF without the libraries that read it.
     """
+    import trimesh
+
     kind = path.suffix.lower()
     if kind not in FORMATS:
         raise SceneError(f"{where}: given a '{path.suffix}' file, allowed are {', '.join(FORMATS)}")
@@ -72,7 +76,7 @@ def read_cad(path: Path, where: str) -> tuple[trimesh.Trimesh, float | None]:
     return mesh, trimesh.units.unit_conversion(named, "meters") if named else None
 
 
-def metres_per_unit(mesh: trimesh.Trimesh, unit: MeshUnit | None, where: str) -> float:
+def metres_per_unit(mesh: "trimesh.Trimesh", unit: MeshUnit | None, where: str) -> float:
     """Metres per unit of a file that names none: of `unit`, else 1 where that is the size of a tool.
 
     Raises:
@@ -92,7 +96,7 @@ def metres_per_unit(mesh: trimesh.Trimesh, unit: MeshUnit | None, where: str) ->
     )
 
 
-def refuse_absurd(mesh: trimesh.Trimesh, metres: float, where: str) -> None:
+def refuse_absurd(mesh: "trimesh.Trimesh", metres: float, where: str) -> None:
     """Raise SceneError for a size that no tool has, in the unit that is named."""
     size = metres * float(np.ptp(mesh.vertices, axis=0).max())
     if not SMALLEST_M <= size <= LARGEST_M:
@@ -104,6 +108,8 @@ def refuse_absurd(mesh: trimesh.Trimesh, metres: float, where: str) -> None:
 
 def blade_mesh(blade: Blade, height_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (8, 3) [m] and facets (12, 3) of a blade, its cutting edge along y through the origin."""
+    import trimesh
+
     rake, under = math.radians(blade.rake_deg), math.radians(blade.clearance_deg)
     lean, behind = height_m / math.tan(rake), blade.thickness_m / math.sin(rake)
     heel = blade.thickness_m / math.sin(rake - under)  # along the underside to the back
@@ -114,8 +120,12 @@ def blade_mesh(blade: Blade, height_m: float) -> tuple[np.ndarray, np.ndarray]:
     return np.asarray(hull.vertices), np.asarray(hull.faces)
 
 
-def turned_upright(mesh: trimesh.Trimesh, up: Upward, rotation_deg: tuple[float, float, float]) -> np.ndarray:
+def turned_upright(
+    mesh: "trimesh.Trimesh", up: Upward, rotation_deg: tuple[float, float, float]
+) -> np.ndarray:
     """Vertices (n, 3) with the axis `up` of the file turned to z, then about x, y and z in this order."""
+    import trimesh
+
     vertices = np.asarray(mesh.vertices)
     if up == "y":
         vertices = vertices[:, [0, 2, 1]] * (1.0, -1.0, 1.0)
@@ -130,6 +140,8 @@ def write_stl(vertices_m: np.ndarray, faces: np.ndarray, name: str) -> Path:
     Raises:
         SceneError: it cannot be written.
     """
+    import trimesh
+
     content = trimesh.Trimesh(vertices_m, faces, process=False).export(file_type="stl")
     assert isinstance(content, bytes)
     digest = hashlib.sha256(content).hexdigest()[:16]

@@ -2,19 +2,21 @@
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from ..errors import SceneError
 from ..messages import SpatialMotion, ToolMotion
 from ..rotations import placed_m
-from .cad_mesh import read_cad
+from .kept_shapes import Shape, sound_shape
 from .scene import Scene
-from .tools import MeshPart
+
+if TYPE_CHECKING:
+    import trimesh
 
 LARGEST_SIZE_M = 20.0
 """Largest size of a mesh: no tool for a soil bin is larger, so such a file is probably in millimetres."""
@@ -72,11 +74,14 @@ def load_tool_mesh(directory: Path, scene: Scene, tool_name: str) -> ToolMesh:
     vertices, facets, facet_group = [], [], []
     vertex_count = 0
     for index, (group, part) in enumerate(tool.groups.items()):
-        mesh = _checked(directory, part, f"tools.{tool_name}.groups.{group}")
-        vertices.append(np.asarray(mesh.vertices) * part.scale + part.position_m - origin)
-        facets.append(np.asarray(mesh.faces) + vertex_count)
-        facet_group.append(np.full(len(mesh.faces), index))
-        vertex_count += len(mesh.vertices)
+        path = directory / part.mesh
+        where = f"tools.{tool_name}.groups.{group}.mesh: {path}"
+        corners, faces = sound_shape(path, partial(_checked, path, part.scale, where))
+        _refuse_large(corners, part.scale, where)
+        vertices.append(corners * part.scale + part.position_m - origin)
+        facets.append(faces + vertex_count)
+        facet_group.append(np.full(len(faces), index))
+        vertex_count += len(corners)
     return ToolMesh(
         vertices_m=np.ascontiguousarray(np.concatenate(vertices), dtype=np.float64),
         facets=np.ascontiguousarray(np.concatenate(facets), dtype=np.int32),
@@ -86,19 +91,27 @@ def load_tool_mesh(directory: Path, scene: Scene, tool_name: str) -> ToolMesh:
     )
 
 
-def _checked(directory: Path, part: MeshPart, place: str) -> trimesh.Trimesh:
+def _refuse_large(vertices: NDArray[np.float64], scale: float, where: str) -> float:
+    """Largest edge of the box of a mesh, in its unit. Raises SceneError where it is too large."""
+    size = float(np.max(np.ptp(vertices, axis=0)))
+    if size * scale > LARGEST_SIZE_M:
+        raise SceneError(
+            f"{where}: is {size * scale:.4g} m large, allowed are {LARGEST_SIZE_M:g} m; a file in "
+            f"millimetres needs 'scale: 0.001' (given {scale:g})"
+        )
+    return size
+
+
+def _checked(path: Path, scale: float, where: str) -> Shape:
     """The mesh of one group, equal vertices merged, in file units."""
-    path = directory / part.mesh
-    where = f"{place}.mesh: {path}"
+    import trimesh
+
+    from .cad_mesh import read_cad
+
     mesh, _ = read_cad(path, where)
     if not np.isfinite(mesh.vertices).all():
         raise SceneError(f"{where}: has coordinates that are not finite; export it again")
-    size = float(np.max(np.ptp(mesh.vertices, axis=0)))
-    if size * part.scale > LARGEST_SIZE_M:
-        raise SceneError(
-            f"{where}: is {size * part.scale:.4g} m large, allowed are {LARGEST_SIZE_M:g} m; a file in "
-            f"millimetres needs 'scale: 0.001' (given {part.scale:g})"
-        )
+    size = _refuse_large(np.asarray(mesh.vertices), scale, where)
     edges = np.linalg.norm(mesh.triangles - np.roll(mesh.triangles, 1, axis=1), axis=2)
     flat = 2.0 * mesh.area_faces <= SMALLEST_HEIGHT * size * edges.max(axis=1)
     if flat.any():
@@ -114,18 +127,22 @@ def _checked(directory: Path, part: MeshPart, place: str) -> trimesh.Trimesh:
         )
     if not mesh.is_winding_consistent or _wrong_side_out(mesh):
         raise SceneError(
-            f"{where}: facets point inward (volume {mesh.volume * part.scale**3:.3g} m3); normals must "
+            f"{where}: facets point inward (volume {mesh.volume * scale**3:.3g} m3); normals must "
             "point outward, those of a closed hollow into it: turn the winding of the facets round, for "
             "example by trimesh's fix_normals()"
         )
-    return mesh
+    return np.array(mesh.vertices, dtype=np.float64), np.array(mesh.faces, dtype=np.int64)
 
 
 def _part_of_facets(facets: NDArray[Any]) -> NDArray[np.int32]:
     """(m,) number of the part that each facet of a watertight mesh belongs to; parts share no edge."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     ends = np.sort(np.stack([facets, np.roll(facets, -1, axis=1)], axis=-1), axis=-1).reshape(-1, 2)
     pairs = np.lexsort(ends.T).reshape(-1, 2) // 3
-    return np.asarray(trimesh.graph.connected_component_labels(pairs, node_count=len(facets)), np.int32)
+    links = coo_array((np.ones(len(pairs), dtype=bool), pairs.T), shape=(len(facets), len(facets)))
+    return np.asarray(connected_components(links, directed=False)[1], np.int32)
 
 
 def _volumes(
@@ -137,7 +154,7 @@ def _volumes(
     return np.bincount(part, weights=sixfold) / 6.0
 
 
-def _wrong_side_out(mesh: trimesh.Trimesh) -> bool:
+def _wrong_side_out(mesh: "trimesh.Trimesh") -> bool:
     """Whether a part has its facets inward and is no hollow of another one."""
     vertices, facets = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     part = _part_of_facets(facets)
@@ -172,6 +189,8 @@ class ToolMass:
 
 def tool_mass(mesh: ToolMesh, density_kg_per_m3: float) -> ToolMass:
     """Integrals over the closed meshes of a tool (divergence theorem, by trimesh)."""
+    import trimesh
+
     mass, moment, about_origin = 0.0, np.zeros(3), 0.0
     for group in range(len(mesh.groups)):
         part = trimesh.Trimesh(mesh.vertices_m, mesh.facets[mesh.facet_group == group], process=False)

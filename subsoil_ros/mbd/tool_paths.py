@@ -5,8 +5,6 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.spatial.transform import Rotation, RotationSpline
 
 from ..errors import PhysicsError, ProtocolError
 from ..messages import SpatialMotion, ToolMotion, ToolWrench
@@ -96,6 +94,9 @@ class PosedPath:
     """The path of one tool through given poses: cubic splines of position and of rotation."""
 
     def __init__(self, name: str, poses: Poses) -> None:
+        from scipy.interpolate import CubicSpline  # slow to import, and rarely used
+        from scipy.spatial.transform import Rotation, RotationSpline
+
         self.name = name
         self._position = CubicSpline(poses.times_s, poses.positions_m)
         self._rotation = RotationSpline(poses.times_s, Rotation.from_rotvec(poses.rotations_rad))

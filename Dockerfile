@@ -1,5 +1,6 @@
 # docker build --tag subsoil .
 # docker run --rm --user "$(id -u):$(id -g)" --volume "$PWD/runs:/data/runs" subsoil run field_tine --preset coarse --out runs/first
+# docker run --rm --publish 8080:8080 --volume "$PWD:/data/project" subsoil workbench project --host 0.0.0.0
 FROM debian:bookworm-slim
 
 RUN apt-get update \

@@ -27,9 +27,7 @@ def read_material(path: Path, place: str) -> Material:
     """Read a material. Raises SceneError for a file that is missing, no material, or of another version."""
     if not os.path.isfile(path) and not path.suffix:
         near = suggestion(path.name, shipped_names("materials"))
-        raise SceneError(
-            f"{place}: given '{path.name}'; there is no such file, and no such soil is shipped: {near}"
-        )
+        raise SceneError(f"{place}: given '{path.name[:80]}'; there is no such file or shipped soil: {near}")
     shown = f"{place}: {path}"
     document = read_document(path, shown)
     if document.get("version") != VERSION:

@@ -109,7 +109,7 @@ def test_a_file_name_that_is_too_long(
     """Of the scene, of files in it, and of a run."""
     long = "a" * 300
     assert long in refused(long)
-    assert "no file" in refused(SCENES / "field_tine.yaml", "--set", f"soil.material={long}")
+    assert "no such file" in refused(SCENES / "field_tine.yaml", "--set", f"soil.material={long}")
     assert main(["report", long]) == 2
     assert "is longer than a file name can be" in capsys.readouterr().err
 

@@ -12,7 +12,6 @@ import resource
 import sys
 from pathlib import Path
 from typing import Any
-from weakref import WeakKeyDictionary
 
 COMMAND = (sys.executable, "-m", "subsoil_ros.cli.main")
 """Of `subsoil`, in this installation."""
@@ -23,6 +22,9 @@ LARGEST_BYTES = 8 << 30
 
 COLUMNS = 84
 """Of the words of a command on the page."""
+
+ROOM = asyncio.Semaphore(2)
+"""For pieces of work at once."""
 
 MOST_PARTICLES = 10_000
 """Of the soil that is drawn: every second, third ... particle where there are more."""
@@ -51,7 +53,7 @@ async def ask(work: str, subject: Path) -> dict[str, Any]:
 
 async def said(*words: str, longest_s: float) -> tuple[int, str, str]:
     """Exit status, output and errors of a command, limited in time and memory; two at once, others wait."""
-    async with _room():
+    async with ROOM:
         process = await asyncio.create_subprocess_exec(
             *words, stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.PIPE, env=os.environ | {"COLUMNS": str(COLUMNS)},
@@ -67,14 +69,6 @@ async def said(*words: str, longest_s: float) -> tuple[int, str, str]:
             if process.returncode is None:  # also where the page went away
                 process.kill()
         return process.returncode or 0, out.decode(errors="replace"), err.decode(errors="replace")
-
-
-_rooms: WeakKeyDictionary[asyncio.AbstractEventLoop, asyncio.Semaphore] = WeakKeyDictionary()
-
-
-def _room() -> asyncio.Semaphore:
-    """Of the running loop."""
-    return _rooms.setdefault(asyncio.get_running_loop(), asyncio.Semaphore(2))
 
 
 def tools(file: Path) -> dict[str, Any]:

@@ -2,8 +2,10 @@
 
 import os
 import re
+from collections.abc import Container
 from dataclasses import dataclass
 from io import StringIO
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -100,6 +102,11 @@ def checked(name: str) -> str:
     if not is_name(name):
         raise InputError(f"name: given '{name[:80]}'; it must be 1 to 60 letters, digits, - and _")
     return name
+
+
+def free_name(stem: str, taken: Container[str]) -> str:
+    """The first of STEM-1, STEM-2 ... that is not taken; a long stem is cut."""
+    return next(name for k in count(1) if (name := f"{stem[:50]}-{k}") not in taken)
 
 
 def soils() -> list[str]:

@@ -8,7 +8,7 @@ from nicegui import background_tasks, ui
 from . import jobs
 from .asides import COMMAND, ask, said
 from .notes import FILES, tell
-from .project import Project
+from .project import Project, free_name
 
 DRAW_S = 600.0
 """Longest time for a report or a comparison."""
@@ -162,8 +162,7 @@ class RunsPanel:
 
     def _resume(self) -> None:
         if (job := self._one()) is not None:
-            taken = {item.name for item in self._shown}
-            name = next(found for k in range(2, 10_000) if (found := f"{job.name[:50]}-r{k}") not in taken)
+            name = free_name(job.name, {item.name for item in self._shown})
             tell(lambda: jobs.ask_for(self._project, name, job.scene, resume=job.name))
 
     async def _report(self) -> None:
@@ -175,8 +174,7 @@ class RunsPanel:
         names = [job.name for job in self._selected()]
         place = self._project.folder / "comparisons"
         place.mkdir(exist_ok=True)
-        taken = {path.name for path in place.iterdir()}
-        name = next(found for k in range(1, 10_000) if (found := f"{names[0][:40]}-{k}") not in taken)
+        name = free_name(names[0], {path.name for path in place.iterdir()})
         folders = [str(self._project.run_folder(item)) for item in names]
         page = f"{FILES}/comparisons/{name}/comparison.html"
         await self._make(page, "compare", *folders, "--html", "--out", str(place / name))

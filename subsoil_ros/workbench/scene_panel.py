@@ -21,6 +21,7 @@ from .project import (
     checked,
     first_scene,
     form_of,
+    free_name,
     soils,
     with_form,
 )
@@ -131,8 +132,7 @@ class ScenePanel:
             self._text = ui.codemirror(text, language="YAML", on_change=self._typed).classes("w-full h-40")
 
     def _free_name(self, name: str) -> str:
-        taken = {job.name for job in jobs.jobs(self._project)}
-        return next(found for k in range(1, 10_000) if (found := f"{name[:50]}-{k}") not in taken)
+        return free_name(name, {job.name for job in jobs.jobs(self._project)})
 
     def _create(self) -> None:
         name, tools = self._new.value or "", self._project.tools()

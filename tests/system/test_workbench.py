@@ -301,9 +301,9 @@ def test_from_a_tool_to_a_comparison(address: str, browser: webdriver.Chrome, pr
     designer.press("Runs")
     designer.choose("tine-1")
     designer.press("Resume")
-    designer.until(lambda page: (project.runs / "tine-1-r2" / "summary.json").is_file())
+    designer.until(lambda page: (project.runs / "tine-1-1" / "summary.json").is_file())
     designer.choose("tine-1")
-    designer.choose("tine-1-r2")
+    designer.choose("tine-1-1")
     designer.sees("120.00 of 120 s; mean draft")
     jobs.ask_for(project, "other", "pull")
     designer.until(lambda page: (project.runs / "other" / "summary.json").is_file())
@@ -315,7 +315,7 @@ def test_from_a_tool_to_a_comparison(address: str, browser: webdriver.Chrome, pr
     link = browser.find_element(By.LINK_TEXT, "comparison.html").get_attribute("href")
     assert link is not None
     browser.get(link)
-    assert "tine-1-r2" in browser.page_source
+    assert "tine-1-1" in browser.page_source
     assert page.stat().st_size > 1000
 
 

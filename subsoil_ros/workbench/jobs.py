@@ -1,8 +1,8 @@
-"""Runs of a project: processes of `subsoil run`, as many at once as there are cores.
+"""Jobs of a project: processes of `subsoil`, as many at once as there are cores.
 
-All that is known of them is in files: a page, or its server, may end and begin again at any time. A run that
-was asked for is runs/NAME.job, later with the number of its process; what it says is in runs/NAME.log. Its
-scene is as it was when the run was asked for: the hidden file .NAME.run.yaml beside the scene.
+Most are runs. All that is known of them is in files: a page, or its server, may end and begin again at any
+time. A job that was asked for is runs/NAME.job, later with the number of its process; what it says is in
+runs/NAME.log. Its scene is as it was when it was asked for: the hidden file .NAME.run.yaml beside the scene.
 """
 
 import fcntl
@@ -11,6 +11,7 @@ import os
 import signal
 import subprocess
 import time
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
@@ -23,18 +24,22 @@ from ..errors import InputError
 from .asides import COMMAND
 from .project import Project, checked, is_name, write
 
+RUN, SEARCH, SOIL = "run", "search", "soil"
+"""Kinds of jobs."""
+
 LAST_BYTES = 1000
 """Of the log of a run that failed."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """A run as its files show it."""
+    """A job as its files show it."""
 
     name: str
     scene: str
     state: str  # queued, running, stopping, done, stopped, failed
     detail: str = ""  # why it failed
+    kind: str = RUN
 
     @property
     def goes_on(self) -> bool:
@@ -58,31 +63,79 @@ def claim(project: Project) -> IO[bytes]:
     return lock
 
 
-def ask_for(project: Project, name: str, scene: str, resume: str | None = None) -> None:
-    """Put a run into the queue.
+def ask_for(
+    project: Project, name: str, scene: str, resume: str | None = None, settings: Sequence[str] = ()
+) -> None:
+    """Put a run into the queue; settings: KEY=VALUE.
 
     Raises:
-        InputError: a name cannot be used, there is such a run, or there is none to resume.
+        InputError: a name cannot be used, there is such a job, or there is no run to resume.
         OSError: the scene cannot be read, or the disk is full.
     """
     folder = project.run_folder(name)
-    if folder.exists() or _job_file(project, name).exists():
+    if folder.exists():
         raise InputError(f"{name}: there is a run of this name; choose another")
-    project.runs.mkdir(exist_ok=True)
-    words = ["--mode", "direct", "--out", str(folder)]
     if resume is None:
-        asked = _asked_file(project, name)
-        text = project.scene_file(scene).read_bytes()
-        write(asked, text)
-        words = ["run", str(asked), *words]
-        if not any(line.startswith(b"name:") for line in text.splitlines()):
+        asked = keep_scene(project, name, scene)
+        words = ["run", str(asked)]
+        if not any(line.startswith(b"name:") for line in asked.read_bytes().splitlines()):
             words += ["--set", f"name={scene}"]
     else:
         earlier = project.run_folder(resume)
         if not earlier.is_dir():
             raise InputError(f"{resume}: there is no such run to go on from")
-        words = ["run", str(earlier / "scene.yaml"), *words, "--resume", str(earlier)]
-    _keep(project, name, {"asked_ns": time.time_ns(), "scene": scene, "words": words, "pid": None})
+        words = ["run", str(earlier / "scene.yaml"), "--resume", str(earlier)]
+    words += ["--mode", "direct", "--out", str(folder)]
+    for setting in settings:
+        words += ["--set", setting]
+    put(project, name, words, folder / "summary.json", scene=scene)
+
+
+def keep_scene(project: Project, name: str, scene: str) -> Path:
+    """Keep a scene as it is now for a new job; the file that the job reads.
+
+    Raises:
+        InputError: a name cannot be used, or there is such a job.
+        OSError: the scene cannot be read, or the disk is full.
+    """
+    _refuse_taken(project, name)
+    asked = _asked_file(project, name)
+    write(asked, project.scene_file(scene).read_bytes())
+    return asked
+
+
+def put(
+    project: Project, name: str, words: Sequence[str], product: Path, kind: str = RUN, scene: str = ""
+) -> None:
+    """Put a `subsoil` command into the queue; product: the file that it writes at its end.
+
+    Raises:
+        InputError: the name cannot be used, or there is such a job.
+    """
+    _refuse_taken(project, name)
+    project.runs.mkdir(exist_ok=True)
+    asked = {"asked_ns": time.time_ns(), "scene": scene, "words": list(words), "pid": None}
+    _keep(project, name, asked | {"kind": kind, "product": str(product)})
+
+
+def again(project: Project, name: str) -> None:
+    """Put a search or a soil that ended early into the queue again: it goes on from what it has kept."""
+    asked = _asked(project, name)
+    if asked and not _job(project, name, asked).goes_on:
+        _keep(project, name, asked | {"asked_ns": time.time_ns(), "pid": None, "stopping": False})
+
+
+def log(project: Project, name: str) -> str:
+    """The end of what a job has said."""
+    file = project.runs / f"{checked(name)}.log"
+    with suppress(OSError):
+        return _end_of(file, file.stat().st_mtime_ns)
+    return ""
+
+
+def _refuse_taken(project: Project, name: str) -> None:
+    if _job_file(project, name).exists():
+        raise InputError(f"{name}: there is a job of this name; choose another")
 
 
 def start_due(project: Project) -> None:
@@ -93,12 +146,12 @@ def start_due(project: Project) -> None:
     for name in waiting[: max(0, (os.cpu_count() or 1) - running)]:
         asked = _asked(project, name)
         _keep(project, name, asked | {"pid": 0})  # never started twice, whatever happens here
-        with (project.runs / f"{name}.log").open("wb") as log:
+        with (project.runs / f"{name}.log").open("wb") as said:
             process = subprocess.Popen(
                 [*COMMAND, *asked["words"]],
                 stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=log,
+                stdout=said,
+                stderr=said,
                 start_new_session=True,
                 cwd=project.folder,
             )
@@ -132,22 +185,27 @@ def jobs(project: Project) -> list[Job]:
 
 
 def _job(project: Project, name: str, asked: dict[str, Any]) -> Job:
+    kind, stopped = asked["kind"], bool(asked.get("stopping"))
     if asked["pid"] is None:
-        return Job(name, asked["scene"], "queued")
-    if _is_running(asked["pid"], asked["words"]):
-        return Job(name, asked["scene"], "stopping" if asked.get("stopping") else "running")
-    return Job(name, asked["scene"], *_outcome(project, name, stopped=bool(asked.get("stopping"))))
+        state, detail = "queued", ""
+    elif _is_running(asked["pid"], asked["words"]):
+        state, detail = "stopping" if stopped else "running", ""
+    elif kind == RUN:
+        state, detail = _outcome(project, name, stopped=stopped)
+    elif Path(asked["product"]).is_file():
+        state, detail = "done", ""
+    else:
+        state, detail = "stopped" if stopped else "failed", log(project, name)
+    return Job(name, asked["scene"], state, detail, kind)
 
 
 def _outcome(project: Project, name: str, *, stopped: bool = False) -> tuple[str, str]:
     """State and detail of a run that has ended; stopped: by the workbench."""
-    summary, log = project.runs / name / "summary.json", project.runs / f"{name}.log"
+    summary = project.runs / name / "summary.json"
     with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
         why = _failure(summary, summary.stat().st_mtime_ns)
         return ("stopped" if stopped or "SIGINT" in why else "failed" if why else "done"), why
-    with suppress(OSError):
-        return ("stopped" if stopped else "failed"), _end_of(log, log.stat().st_mtime_ns)
-    return "failed", ""
+    return ("stopped" if stopped else "failed"), log(project, name)
 
 
 @lru_cache(maxsize=4096)
@@ -176,7 +234,7 @@ def _asked(project: Project, name: str) -> dict[str, Any]:
     with suppress(OSError, ValueError, KeyError, TypeError):
         found: dict[str, Any] = json.loads(_job_file(project, name).read_text())
         if isinstance(found["asked_ns"], int) and isinstance(found["words"], list) and found["words"]:
-            return {"pid": None, "scene": ""} | found
+            return {"pid": None, "scene": "", "kind": RUN, "product": ""} | found
     return {}
 
 

@@ -61,7 +61,7 @@ class RunsPanel:
 
     def refresh(self) -> None:
         """Show the runs as their files are now, and the draft of one that goes on."""
-        found = jobs.jobs(self._project)
+        found = [job for job in jobs.jobs(self._project) if job.kind == jobs.RUN]
         if found == self._shown:
             return
         self._shown = found

@@ -182,7 +182,7 @@ def _results(rows: pd.DataFrame, point: Point, column: str) -> dict[int, float]:
 
 def _scene(wanted: Search, values: Mapping[str, object], like: Job) -> Document:
     """The searched scene with these values; like: a run with others."""
-    document: Document = {"base": wanted.document()["scene"]}
+    document: Document = {"base": wanted.document()["scene"], "name": like.scene.scene.name}
     for key, value in values.items():
         document = merge(document, as_fragment(like.scene.document, Override(key, value)), key)
     return document

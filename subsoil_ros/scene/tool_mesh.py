@@ -91,15 +91,14 @@ def load_tool_mesh(directory: Path, scene: Scene, tool_name: str) -> ToolMesh:
     )
 
 
-def _refuse_large(vertices: NDArray[np.float64], scale: float, where: str) -> float:
-    """Largest edge of the box of a mesh, in its unit. Raises SceneError where it is too large."""
+def _refuse_large(vertices: NDArray[np.float64], scale: float, where: str) -> None:
+    """Raises SceneError where the box of a mesh is too large."""
     size = float(np.max(np.ptp(vertices, axis=0)))
     if size * scale > LARGEST_SIZE_M:
         raise SceneError(
             f"{where}: is {size * scale:.4g} m large, allowed are {LARGEST_SIZE_M:g} m; a file in "
             f"millimetres needs 'scale: 0.001' (given {scale:g})"
         )
-    return size
 
 
 def _checked(path: Path, scale: float, where: str) -> Shape:
@@ -111,9 +110,8 @@ def _checked(path: Path, scale: float, where: str) -> Shape:
     mesh, _ = read_cad(path, where)
     if not np.isfinite(mesh.vertices).all():
         raise SceneError(f"{where}: has coordinates that are not finite; export it again")
-    size = _refuse_large(np.asarray(mesh.vertices), scale, where)
-    edges = np.linalg.norm(mesh.triangles - np.roll(mesh.triangles, 1, axis=1), axis=2)
-    flat = 2.0 * mesh.area_faces <= SMALLEST_HEIGHT * size * edges.max(axis=1)
+    _refuse_large(np.asarray(mesh.vertices), scale, where)
+    flat = flat_facets(mesh)
     if flat.any():
         raise SceneError(
             f"{where}: facet {int(np.argmax(flat))} and {int(flat.sum()) - 1} others have no area; "
@@ -132,6 +130,13 @@ def _checked(path: Path, scale: float, where: str) -> Shape:
             "example by trimesh's fix_normals()"
         )
     return np.array(mesh.vertices, dtype=np.float64), np.array(mesh.faces, dtype=np.int64)
+
+
+def flat_facets(mesh: "trimesh.Trimesh") -> NDArray[np.bool_]:
+    """(m,) whether a facet has no area, but for round-off."""
+    edges = np.linalg.norm(mesh.triangles - np.roll(mesh.triangles, 1, axis=1), axis=2)
+    size = float(np.max(np.ptp(mesh.vertices, axis=0)))
+    return np.asarray(2.0 * mesh.area_faces <= SMALLEST_HEIGHT * size * edges.max(axis=1))
 
 
 def _part_of_facets(facets: NDArray[Any]) -> NDArray[np.int32]:

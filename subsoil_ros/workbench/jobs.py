@@ -64,9 +64,14 @@ def claim(project: Project) -> IO[bytes]:
 
 
 def ask_for(
-    project: Project, name: str, scene: str, resume: str | None = None, settings: Sequence[str] = ()
+    project: Project,
+    name: str,
+    scene: str,
+    resume: str | None = None,
+    settings: Sequence[str] = (),
+    live: bool = False,
 ) -> None:
-    """Put a run into the queue; settings: KEY=VALUE.
+    """Put a run into the queue; settings: KEY=VALUE; live: with a server for Foxglove.
 
     Raises:
         InputError: a name cannot be used, there is such a job, or there is no run to resume.
@@ -79,13 +84,15 @@ def ask_for(
         asked = keep_scene(project, name, scene)
         words = ["run", str(asked)]
         if not any(line.startswith(b"name:") for line in asked.read_bytes().splitlines()):
-            words += ["--set", f"name={scene}"]
+            words += ["--set", f"name='{scene}'"]
     else:
         earlier = project.run_folder(resume)
         if not earlier.is_dir():
             raise InputError(f"{resume}: there is no such run to go on from")
         words = ["run", str(earlier / "scene.yaml"), "--resume", str(earlier)]
     words += ["--mode", "direct", "--out", str(folder)]
+    if live:
+        words += ["--live", "0"]
     for setting in settings:
         words += ["--set", setting]
     put(project, name, words, folder / "summary.json", scene=scene)

@@ -9,8 +9,8 @@ from ..errors import InputError
 
 T = TypeVar("T")
 
-FILES = "/files"
-"""Address of the project folder."""
+FILES, SOIL = "/files", "/soil"
+"""Addresses of the project folder, and of the soil of runs that go on."""
 
 
 def tell(work: Callable[[], T]) -> T | None:

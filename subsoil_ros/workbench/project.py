@@ -19,11 +19,40 @@ TOOL_SUFFIXES = (".stl", ".step", ".stp", ".obj", ".3mf")
 LARGEST_TOOL_BYTES = 64_000_000
 """Of an uploaded file: a hundred times the largest mesh of the examples."""
 
+MATERIAL = "_material.yaml"
+"""How files of calibrated soils end; that of the laboratory's values has the rest of the name."""
+
+FOLDERS = ("runs", "comparisons", "searches", "soils")
+"""Of results."""
+
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,59}")
 
-TOOL_KEYS = ("unit", "depth_m", "speed_m_per_s")
-NUMBERS = ("depth_m", "speed_m_per_s", "travel_m")
+FLAT_BLADE = "flat blade"
+"""In the place of a tool file."""
+
+BLADE = {"rake_deg": 30.0, "width_m": 0.06}
+"""A flat blade as it is when chosen: as wide as the shipped share, in the range of the preset real_time."""
+
+TOOL_KEYS = ("unit", "up", "depth_m", "speed_m_per_s")
+NUMBERS = ("depth_m", "speed_m_per_s", "travel_m", "turn_deg", *BLADE)
 """Keys of the form: of the tool beside its mesh, and those that are numbers."""
+
+CAD_KEYS = ("unit", "up", "rotation_deg")
+"""Keys of a tool that a flat blade does not have."""
+
+CAUSES = {
+    "unit": r"'unit'|unit",
+    "up": r"'up",
+    "depth_m": r"depth",
+    "speed_m_per_s": r"speed|m/s",
+    "travel_m": r"travel_m|duration_s",
+    "rake_deg": r"rake",
+    "width_m": r"blade\.width_m",
+    "mesh": r"mesh",
+    "preset": r"preset",
+    "soil": r"soil",
+}
+"""Words of a message of `subsoil check` by the field of the form that it is about, the first that fits."""
 
 PRESETS = ("real_time", "coarse", "standard", "fine")
 
@@ -47,6 +76,11 @@ class Project:
         """Names of the tool files, with suffix."""
         return sorted(path.name for path in self.folder.iterdir() if path.suffix.lower() in TOOL_SUFFIXES)
 
+    def soils(self) -> list[str]:
+        """The shipped soils by name, and those of the project by file."""
+        own = sorted(f"soils/{path.name}" for path in (self.folder / "soils").glob(f"*{MATERIAL}"))
+        return [*own, *shipped_names("materials")]
+
     def scene_file(self, name: str) -> Path:
         """The file of a scene. Raises InputError for a name that is none."""
         return self.folder / f"{checked(name)}.yaml"
@@ -62,11 +96,11 @@ class Project:
         return file
 
     def served(self, path: str) -> Path | None:
-        """A file that a browser may read: a scene, a tool, one below runs/ or comparisons/; none hidden."""
+        """A file that a browser may read: a scene, a tool, one in a folder of results; none hidden."""
         parts = Path(path).parts
         if not parts or any(part.startswith(".") or "\0" in part for part in parts):
             return None
-        if len(parts) > 1 and parts[0] not in ("runs", "comparisons"):
+        if len(parts) > 1 and parts[0] not in FOLDERS:
             return None
         file = (self.folder / path).resolve()
         if len(parts) == 1 and file.suffix.lower() not in (".yaml", *TOOL_SUFFIXES):
@@ -109,9 +143,10 @@ def free_name(stem: str, taken: Container[str]) -> str:
     return next(name for k in count(1) if (name := f"{stem[:50]}-{k}") not in taken)
 
 
-def soils() -> list[str]:
-    """Names of the shipped soils."""
-    return [Path(name).stem for name in shipped_names("materials")]
+def cause_of(message: str) -> str | None:
+    """The field of the form that a message of `subsoil check` is about, by its words; None: of no one."""
+    words = re.sub(r"\S*/\S+\.\w+", "", re.sub(r"\btools\.\w+", "", message))  # names of files and tools
+    return next((key for key, pattern in CAUSES.items() if re.search(pattern, words)), None)
 
 
 def first_scene(tool: str) -> Document:
@@ -129,7 +164,11 @@ def form_of(text: str) -> Document | None:
     try:
         document: Any = parse_yaml(text, "scene")
         ((_, tool),) = document["tools"].items()
-        shown: Document = {key: tool.get(key) for key in ("mesh", *TOOL_KEYS)}
+        blade, (*others, turn) = tool.get("blade"), tool.get("rotation_deg") or (0, 0, None)
+        if others != [0, 0]:
+            return None
+        shown: Document = {"mesh": FLAT_BLADE if blade else tool.get("mesh"), "turn_deg": turn}
+        shown |= {key: tool.get(key) for key in TOOL_KEYS} | {key: (blade or {}).get(key) for key in BLADE}
         shown |= {key: document.get(key) for key in ("soil", "travel_m", "preset")}
     except (InputError, KeyError, TypeError, ValueError, AttributeError):
         return None
@@ -147,11 +186,20 @@ def with_form(text: str, changes: Document) -> str:
     document = yaml.load(text)
     ((_, tool),) = document["tools"].items()
     for key, value in changes.items():
-        owner = tool if key in ("mesh", *TOOL_KEYS) else document
+        owner, name = tool if key in TOOL_KEYS else document, key
+        if key in BLADE:
+            owner = tool["blade"]
+        elif key == "turn_deg":
+            owner, name, value = tool, "rotation_deg", [0, 0, value] if value else None
+        elif key == "mesh":
+            for other in ("blade", "mesh", *(CAD_KEYS if value == FLAT_BLADE else ())):
+                tool.pop(other, None)
+            owner, name = tool, "blade" if value == FLAT_BLADE else "mesh"
+            value = dict(BLADE) if value == FLAT_BLADE else value
         if value is None:
-            owner.pop(key, None)
+            owner.pop(name, None)
         else:
-            owner[key] = value
+            owner[name] = value
     out = StringIO()
     yaml.dump(document, out)
     return out.getvalue()

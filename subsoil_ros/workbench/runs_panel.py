@@ -4,14 +4,28 @@ from functools import partial
 from typing import Any
 
 from nicegui import background_tasks, ui
+from nicegui.element import Element
 
 from . import jobs
-from .asides import COMMAND, ask, said
-from .notes import FILES, tell
+from .asides import COMMAND, ask, said, watched
+from .notes import FILES, SOIL, tell
 from .project import Project, free_name
 
 DRAW_S = 600.0
 """Longest time for a report or a comparison."""
+
+GROWS = ("running", "stopping")
+"""States of a run whose record grows."""
+
+
+class Soil(Element, component="soil.js"):
+    """The particles of a run at an address; none at ""."""
+
+    def show(self, url: str, run: str) -> None:
+        """Draw them; of another run as at first, of the same one as it was turned."""
+        if self._props.get("url") != url:
+            self._props |= {"url": url, "run": run}
+            self.update()
 
 
 class RunsPanel:
@@ -22,6 +36,7 @@ class RunsPanel:
         self._shown: list[jobs.Job] = []
         self._looking = self._writes = False
         self._drawn = ""  # name of the run in the plot
+        self._answer: dict[str, Any] = {}  # in the plot
         columns = [
             {"name": name, "label": name, "field": name, "align": "left", "sortable": True}
             for name in ("run", "scene", "state")
@@ -53,7 +68,8 @@ class RunsPanel:
                     }
                 ).classes("w-full h-64")
                 with ui.row().classes("w-full no-wrap"):
-                    self._soil = ui.scene(width=520, height=260, grid=False, background_color="#f4f4f0")
+                    self._soil = Soil()
+                    self._soil.show("", "")
                     self._links = ui.column().classes("gap-0")
                 self._detail = ui.label().classes("font-mono text-xs whitespace-pre-wrap")
         self.refresh()
@@ -71,10 +87,12 @@ class RunsPanel:
         )
         self._chosen()
 
-    async def look(self) -> None:
+    def look(self) -> None:
         """Draw the record so far of the chosen run, where it goes on."""
-        if (one := self._one()) is not None and one.state == "running":
-            await self._draw()
+        if (one := self._one()) is not None and one.state in GROWS:
+            watch = watched(self._project.run_folder(one.name))
+            if watch.answer and watch.answer is not self._answer:
+                self._show(one, watch.answer, f"{SOIL}/{one.name}")
 
     def _selected(self) -> list[jobs.Job]:
         names = {row["run"] for row in self._table.selected}
@@ -92,11 +110,12 @@ class RunsPanel:
             ("Compare", len(chosen) > 1 and done and not self._writes),
         ):
             self._buttons[name].set_enabled(able)
+        self._answer = {}
         if one is None or one.name != self._drawn:
             self._drawn = ""
             self._plot.options["series"][0]["data"] = []
             self._plot.update()
-            self._soil.clear()
+            self._soil.show("", "")
         self._links.clear()
         self._detail.set_text(one.detail if one else "")
         if one is None:
@@ -107,7 +126,10 @@ class RunsPanel:
             for file in ("scene.yaml", "series.csv", "summary.json", "bag/bag_0.mcap", "report.html"):
                 if (self._project.runs / one.name / file).is_file():
                     ui.link(file, f"{FILES}/runs/{one.name}/{file}", new_tab=True)
-        background_tasks.create(self._draw())
+        if one.state in GROWS:
+            self.look()
+        else:
+            background_tasks.create(self._draw())
 
     async def _draw(self) -> None:
         """Draw the record of the chosen run, again where another one was chosen meanwhile."""
@@ -118,11 +140,12 @@ class RunsPanel:
             seen: jobs.Job | None = None
             while (one := self._one()) is not None and one != seen:
                 seen = one
-                if not (self._project.runs / one.name / "bag").is_dir():
+                if one.state in GROWS or not (self._project.runs / one.name / "bag").is_dir():
                     return
                 answer = await ask("series", self._project.run_folder(one.name))
                 if one == self._one():
-                    self._show(one, answer)
+                    soil = answer.get("soil", "")
+                    self._show(one, answer, f"data:application/octet-stream;base64,{soil}" if soil else "")
         finally:
             self._looking = False
 
@@ -131,30 +154,20 @@ class RunsPanel:
         chosen = self._selected()
         return chosen[0] if len(chosen) == 1 else None
 
-    def _show(self, job: jobs.Job, answer: dict[str, Any]) -> None:
+    def _show(self, job: jobs.Job, answer: dict[str, Any], soil_url: str) -> None:
+        """Draw an answer (live.py: drawn), and the soil at an address."""
         if "error" in answer:
             self._detail.set_text(job.detail or answer["error"])
             return
-        self._drawn = job.name
+        self._drawn, self._answer = job.name, answer
         data = [list(pair) for pair in zip(answer["time_s"], answer["draft_newton"], strict=True)]
         self._plot.options["series"][0]["data"] = data
         self._plot.options["xAxis"]["max"] = answer["duration_s"]
         self._plot.update()
-        self._draw_soil(**answer["soil"])
+        self._soil.show(soil_url, job.name)
         done = f"{data[-1][0]:.2f} of {answer['duration_s']:g} s" if data else "begins"
         mean = f"; mean draft {answer['mean']}" if answer["mean"] else ""
         self._title.set_text(f"{job.name}: {job.state}, {done}{mean}")
-
-    def _draw_soil(self, positions_m: list[list[float]], colours: list[list[float]]) -> None:
-        self._soil.clear()
-        if not positions_m:
-            return
-        with self._soil:
-            self._soil.point_cloud(positions_m, colours, point_size=0.02)
-        low, high = (list(map(pick, zip(*positions_m, strict=True))) for pick in (min, max))
-        x, y, z = ((a + b) / 2.0 for a, b in zip(low, high, strict=True))
-        size = max(b - a for a, b in zip(low, high, strict=True))
-        self._soil.move_camera(x, y - 0.9 * size, z + 0.6 * size, x, y, z, duration=0.0)
 
     def _stop(self) -> None:
         for name in [job.name for job in self._selected() if job.goes_on]:

@@ -1,6 +1,7 @@
 """The panel of scenes: form, text, tool in the soil, and what `subsoil check` says."""
 
 import asyncio
+import re
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
@@ -14,15 +15,18 @@ from . import jobs
 from .asides import check
 from .notes import tell
 from .project import (
+    BLADE,
+    CAD_KEYS,
+    FLAT_BLADE,
     LARGEST_TOOL_BYTES,
     PRESETS,
     TOOL_SUFFIXES,
     Project,
+    cause_of,
     checked,
     first_scene,
     form_of,
     free_name,
-    soils,
     with_form,
 )
 
@@ -33,6 +37,9 @@ TOLD = ("warning:", "subsoil check:")
 """How lines begin that warn, or say why a scene cannot run."""
 
 UNITS = (None, "m", "cm", "mm", "inch")
+AXES = (None, "y")
+
+SEEDS = re.compile(r"\d+(\s*,\s*\d+)*")
 
 
 class ScenePanel:
@@ -42,20 +49,25 @@ class ScenePanel:
         self._project, self._run_asked = project, run_asked
         self._name, self._kept = "", ""  # the open scene, and the text that its file has
         self._due, self._filling, self._brought = 0, False, ""
+        self._seed_key: str | None = None
         with ui.row().classes("w-full no-wrap items-start gap-3"):
             with ui.column().classes("w-56 shrink-0 gap-1"):
                 self._files()
-                with ui.column().classes("w-full gap-0") as self._form:
+                with ui.row().classes("w-full gap-x-2 gap-y-0") as self._form:
                     self._fields = self._build_form()
             with ui.column().classes("grow min-w-0 gap-1"):
                 self._place = ui.column().classes("w-full h-40 gap-0")
+                # Tab goes on to the next field: in the editor it would indent
+                self._place.on("keydown.tab.capture", js_handler="event => event.stopPropagation()")
                 self._warnings = ui.label().classes("text-sm whitespace-pre-wrap bg-amber-2 w-full")
                 self._words = ui.label().classes("font-mono text-xs whitespace-pre overflow-auto w-full")
                 self._words.style("height: 390px")
             with ui.column().classes("w-96 shrink-0 gap-1"):
                 self._view = ui.scene(width=380, height=330, grid=False, background_color="#f4f4f0")
-                with ui.row().classes("items-center"):
-                    self._run_name = ui.input("Name of the run").props("dense").classes("w-48")
+                with ui.row().classes("items-center no-wrap gap-2"):
+                    self._run_name = ui.input("Name of the run").props("dense").classes("w-32")
+                    self._seeds = ui.input("Seeds", placeholder="1, 2, 3").props("dense").classes("w-20")
+                    self._live = ui.checkbox("Foxglove").props("dense")
                     self._run = ui.button("Run", on_click=self._ask_for_run)
         self._edit("")
         self.refresh()
@@ -84,15 +96,20 @@ class ScenePanel:
         """What a scene in short has, by key."""
         fields: dict[str, Any] = {
             "mesh": ui.select([], label="Tool file"),
-            "unit": ui.select({unit: unit or "as the file says" for unit in UNITS}, label="Its unit"),
-            "soil": ui.select(soils(), label="Soil"),
+            "unit": ui.select({unit: unit or "of the file" for unit in UNITS}, label="Its unit"),
+            "up": ui.select({axis: axis or "z" for axis in AXES}, label="Upwards in it"),
+            "turn_deg": ui.number("Turned about z [deg]", step=90),
+            "rake_deg": ui.number("Rake [deg]", min=0.0, step=5),
+            "width_m": ui.number("Width [m]", min=0.0, step=0.01),
+            "soil": ui.select(self._project.soils(), label="Soil"),
             "depth_m": ui.number("Depth [m]", min=0.0, step=0.01),
             "speed_m_per_s": ui.number("Speed [m/s]", min=0.0, step=0.1),
             "travel_m": ui.number("Travel [m]", min=0.0, step=0.5),
             "preset": ui.select(list(PRESETS), label="Accuracy"),
         }
         for key, field in fields.items():
-            field.classes("w-full").props("dense").on_value_change(
+            width = "w-full" if key in ("mesh", "soil") else "w-[calc(50%-4px)]"
+            field.classes(width).props("dense hide-bottom-space").on_value_change(
                 lambda event, key=key: self._changed(key, event.value)
             )
         return fields
@@ -102,9 +119,12 @@ class ScenePanel:
         if (scenes := self._project.scenes()) != self._scenes.options:
             self._scenes.set_options(scenes)
         mesh = self._fields["mesh"]
-        tools = sorted({*self._project.tools(), *([mesh.value] if mesh.value else [])})
+        tools = sorted({*self._project.tools(), FLAT_BLADE, *([mesh.value] if mesh.value else [])})
         if tools != mesh.options:
             mesh.set_options(tools)
+        soil = self._fields["soil"]
+        if missing := [name for name in self._project.soils() if name not in soil.options]:
+            soil.set_options([*missing, *soil.options])
         if self._name and (text := self._read(self._name)) not in (None, self._kept):
             self._show(self._name, text or "")
 
@@ -135,16 +155,13 @@ class ScenePanel:
         return free_name(name, {job.name for job in jobs.jobs(self._project)})
 
     def _create(self) -> None:
-        name, tools = self._new.value or "", self._project.tools()
-        if not tools:
-            ui.notify("Upload a tool first", type="warning")
-            return
+        name, tools = self._new.value or "", [*self._project.tools(), FLAT_BLADE]
 
         def write() -> None:
             if checked(name) in self._project.scenes():
                 raise InputError(f"{name}: there is a scene of this name; choose another")
             tool = next(tool for tool in (self._brought, self._fields["mesh"].value, *tools) if tool in tools)
-            self._project.write_scene(name, dump_yaml(first_scene(tool)))
+            self._project.write_scene(name, with_form(dump_yaml(first_scene(tool)), {"mesh": tool}))
             self.refresh()
             self._scenes.set_value(name)
             self._new.set_value("")
@@ -173,6 +190,8 @@ class ScenePanel:
                 if isinstance(field, ui.select) and form[key] not in (None, *field.options):
                     field.set_options([*field.options, form[key]])
                 field.set_value(form[key])
+                if key in (*BLADE, *CAD_KEYS, "turn_deg"):
+                    field.set_visibility((key in BLADE) == (form["mesh"] == FLAT_BLADE))
         finally:
             self._filling = False
 
@@ -213,13 +232,25 @@ class ScenePanel:
         if mine == self._due:
             lines = (answer.get("words") or answer.get("error", "")).splitlines()
             told = [line for line in lines if line.startswith(TOLD)]
-            self._warnings.set_text("\n".join(told))
+            self._tell(told)
+            self._seed_key = answer.get("seed_key")
             self._words.set_text("\n".join(line for line in lines if line not in told))
             self._run.set_enabled(bool(answer["ok"]))
             self._draw(answer)
 
+    def _tell(self, messages: list[str]) -> None:
+        """Put each message under the field that it is about, the others above what check says."""
+        by_field: dict[str | None, list[str]] = {}
+        for message in messages:
+            key = cause_of(message)
+            seen = key is not None and self._form.visible and self._fields[key].visible
+            by_field.setdefault(key if seen else None, []).append(message)
+        self._warnings.set_text("\n".join(by_field.pop(None, [])))
+        for key, field in self._fields.items():
+            field.error = "\n".join(by_field.get(key, [])) or None
+
     def _draw(self, answer: dict[str, Any]) -> None:
-        """The tools at their depth; the surface of the soil is the plane z = 0."""
+        """The tools at their depth, the soil's surface at z = 0; or a damaged file, its faults in red."""
         self._view.clear()
         if not answer.get("stl"):
             return
@@ -228,7 +259,12 @@ class ScenePanel:
         x, y, z = ((a + b) / 2.0 for a, b in zip(low, high, strict=True))
         with self._view:
             self._view.stl(f"data:model/stl;base64,{answer['stl']}").material("#707880")
-            self._view.box(3.0 * size, 2.0 * size, 0.002 * size).move(x, y).material("#a07040", 0.35)
+            for ends in (faults := answer.get("faults_m", [])):
+                self._view.line(*ends).material("#e00000")
+                for end in ends:
+                    self._view.sphere(0.015 * size).move(*end).material("#e00000")
+            if not faults:
+                self._view.box(3.0 * size, 2.0 * size, 0.002 * size).move(x, y).material("#a07040", 0.35)
         self._view.move_camera(x + 0.7 * size, y - 1.5 * size, z + 0.9 * size, x, y, z, duration=0.0)
 
     def _ask_for_run(self) -> None:
@@ -236,7 +272,15 @@ class ScenePanel:
             return
 
         def begin() -> None:
-            jobs.ask_for(self._project, self._run_name.value or "", self._name)
+            name, seeds = self._run_name.value or "", (self._seeds.value or "").strip()
+            if seeds and not SEEDS.fullmatch(seeds):
+                raise InputError(f"Seeds: given {seeds}; give whole numbers, as 1, 2, 3")
+            if seeds and self._seed_key is None:
+                raise InputError(f"Seeds: given {seeds}, but nothing in this soil is random; leave them out")
+            for seed in map(str.strip, seeds.split(",")):
+                settings = [f"{self._seed_key}={seed}"] if seed else []
+                named = f"{name}-s{seed}" if seed else name
+                jobs.ask_for(self._project, named, self._name, settings=settings, live=self._live.value)
             self._run_name.set_value(self._free_name(self._name))
             self._run_asked()
 

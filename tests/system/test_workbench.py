@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 import trimesh
 from selenium import webdriver
+from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.webelement import WebElement
@@ -24,11 +25,13 @@ from selenium.webdriver.support.ui import WebDriverWait
 from subsoil_ros.errors import InputError
 from subsoil_ros.workbench import asides, jobs
 from subsoil_ros.workbench.project import Project, first_scene
-from subsoil_ros.yaml_document import dump_yaml
+from subsoil_ros.yaml_document import dump_yaml, parse_yaml
+from tests.unit.scene.step_prism import step_prism
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chromium-browser"))), None)
 DRIVER = shutil.which("chromedriver")
 PATIENCE_S = 300.0
+PICTURES = os.environ.get("SUBSOIL_PICTURES")
 SHARE = Path(__file__).parents[2] / "config" / "meshes" / "share.stl"
 needs_page = pytest.importorskip("nicegui", reason="needs the extra workbench")
 
@@ -64,7 +67,7 @@ def test_runs_wait_for_a_core_and_leave_their_results(
     project.write_scene("wrong", "soil: mud\n")
     jobs.ask_for(project, "first", "pull")
     jobs.ask_for(project, "second", "wrong")
-    with pytest.raises(InputError, match="a run of this name|a job of this name"):
+    with pytest.raises(InputError, match="of this name"):
         jobs.ask_for(project, "first", "pull")
     project.write_scene("pull", "changed: after it was asked for\n")
     jobs.start_due(project)
@@ -83,7 +86,7 @@ def test_runs_wait_for_a_core_and_leave_their_results(
     ]
     assert drawn["mean"].startswith(f"{mean:.0f} N +- ")
     assert len(drawn["time_s"]) == len(drawn["draft_newton"]) > 10
-    assert drawn["soil"]["positions_m"] == []
+    assert drawn["soil"] == ""
 
 
 def test_what_is_checked_beside_the_page(project: Project) -> None:
@@ -92,13 +95,14 @@ def test_what_is_checked_beside_the_page(project: Project) -> None:
     assert answer["ok"]
     assert "150 mm deep" in answer["words"]
     assert answer["bounds_m"][0][2] == pytest.approx(-0.15)
+    assert (answer["seed_key"], answer.get("faults_m")) == ("soil.seed", None)
     box = trimesh.creation.box((0.02, 0.1, 0.4))
     box.update_faces([face > 0 for face in range(len(box.faces))])
     box.export(project.folder / "share.stl")
     answer = asyncio.run(asides.check(project.scene_file("pull")))
     assert not answer["ok"]
-    assert answer["stl"] is None
     assert "subsoil check: " in answer["words"]
+    assert len(answer["faults_m"]) == 3
 
 
 def test_work_that_takes_too_long_is_ended(monkeypatch: pytest.MonkeyPatch, project: Project) -> None:
@@ -200,6 +204,17 @@ def test_what_cannot_be_served(words: tuple[str, ...], told: str) -> None:
 @pytest.fixture
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[webdriver.Chrome]:
     """Headless Chromium of the size of a small screen; draws WebGL on the processor."""
+    yield from opened(tmp_path_factory)
+
+
+@pytest.fixture
+def other_browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[webdriver.Chrome]:
+    """A second one, with a profile of its own."""
+    yield from opened(tmp_path_factory)
+
+
+def opened(tmp_path_factory: pytest.TempPathFactory) -> Iterator[webdriver.Chrome]:
+    """A browser, closed afterwards."""
     options = webdriver.ChromeOptions()
     assert CHROMIUM is not None
     options.binary_location = CHROMIUM
@@ -266,21 +281,48 @@ class Designer:
         waiting = WebDriverWait(self.browser, PATIENCE_S, ignored_exceptions=(Exception,))
         return waiting.until(condition)
 
+    def tab_to(self, name: str) -> None:
+        """Go to a field or a button by the Tab key alone."""
+        active = "const one = document.activeElement; "
+        active += "return one.ariaLabel || one.parentElement.ariaLabel || one.innerText || ''"
+        for _ in range(60):
+            if self.browser.execute_script(active).strip().upper() == name.upper():
+                return
+            self.send(Keys.TAB)
+        raise AssertionError(f"{name} cannot be reached by the Tab key")
+
+    def send(self, *keys: str) -> None:
+        """Keys to whatever has the focus."""
+        ActionChains(self.browser).send_keys(*keys).perform()
+
+    def picture(self, name: str) -> None:
+        """Keep a picture of the page where they are wanted: for docs/workbench.md."""
+        if PICTURES is not None:
+            self.browser.save_screenshot(f"{PICTURES}/workbench_{name}.png")
+
     def complaints(self) -> list[str]:
         """Errors on the console."""
         return [entry["message"] for entry in self.browser.get_log("browser") if entry["level"] == "SEVERE"]
 
 
-@pytest.mark.full
-@pytest.mark.skipif(
+needs_browser = pytest.mark.skipif(
     CHROMIUM is None or DRIVER is None,
     reason="no Chromium with its driver on PATH (Debian: apt install chromium chromium-driver)",
 )
+
+SHARE_MM = ((0.0, 0.0), (300.0, 0.0), (0.0, 173.0))
+"""A share of 30 degrees, in x and z."""
+
+
+@pytest.mark.full
+@needs_browser
 def test_from_a_tool_to_a_comparison(address: str, browser: webdriver.Chrome, project: Project) -> None:
-    """A tool is brought, a scene made and run, stopped, found again, resumed, and compared."""
+    """A CAD tool is brought, a scene made and run, stopped, found again, resumed, and compared."""
+    cad = project.folder.parent / "tine.step"
+    cad.write_text(step_prism(SHARE_MM, 60.0))
     designer = Designer(browser, address)
-    browser.find_element(By.CSS_SELECTOR, "input[type=file]").send_keys(str(SHARE))
-    designer.sees("share.stl is in the project")
+    browser.find_element(By.CSS_SELECTOR, "input[type=file]").send_keys(str(cad))
+    designer.sees("tine.step is in the project")
     designer.type("New scene: name", "tine" + Keys.ENTER)
     designer.until(lambda page: designer.field("Scene").get_attribute("value") == "tine")
     designer.type("Depth [m]", "0.15")
@@ -290,10 +332,12 @@ def test_from_a_tool_to_a_comparison(address: str, browser: webdriver.Chrome, pr
     assert browser.execute_script("return document.documentElement.scrollHeight <= innerHeight"), (
         "the first page scrolls"
     )
+    designer.picture("scene")
     designer.press("Run")
     designer.sees("running")
     designer.choose("tine-1")
     designer.sees("mean draft")  # of what there is so far
+    designer.picture("run")
     designer.press("Stop")
     designer.sees("stopped")
     browser.refresh()
@@ -311,6 +355,7 @@ def test_from_a_tool_to_a_comparison(address: str, browser: webdriver.Chrome, pr
     designer.press("Compare")
     (page,) = designer.until(lambda _: list(project.folder.glob("comparisons/*/comparison.html")))
     designer.sees("comparison.html")
+    designer.picture("comparison")
     assert designer.complaints() == []
     link = browser.find_element(By.LINK_TEXT, "comparison.html").get_attribute("href")
     assert link is not None
@@ -320,7 +365,66 @@ def test_from_a_tool_to_a_comparison(address: str, browser: webdriver.Chrome, pr
 
 
 @pytest.mark.full
-@pytest.mark.skipif(CHROMIUM is None or DRIVER is None, reason="no Chromium with its driver on PATH")
+@needs_browser
+def test_two_browsers_and_the_keyboard_alone(
+    address: str, browser: webdriver.Chrome, other_browser: webdriver.Chrome, project: Project
+) -> None:
+    """One makes a flat blade and two runs of it without a mouse; the other sees what it does."""
+    designer, colleague = Designer(browser, address), Designer(other_browser, address)
+    designer.sees("150 mm deep")
+    designer.tab_to("New scene: name")
+    designer.send("blade", Keys.ENTER)
+    designer.until(lambda page: designer.field("Scene").get_attribute("value") == "blade")
+    designer.tab_to("Tool file")
+    designer.send(Keys.ENTER, Keys.HOME)
+    designer.until(lambda page: page.find_elements(By.XPATH, "//*[@role='option'][.='flat blade']"))
+    while designer.field("Tool file").get_attribute("aria-expanded") == "true":
+        designer.send(Keys.ENTER)
+    assert "blade:" in project.scene_file("blade").read_text()
+    designer.tab_to("Travel [m]")
+    designer.send(Keys.CONTROL + "a" + Keys.NULL, "0.5")
+    designer.tab_to("Seeds")
+    designer.send("1, 2")
+    designer.sees("200 mm deep")
+    designer.until(lambda page: page.find_element(By.XPATH, "//button[.='Run']").is_enabled())
+    designer.tab_to("Run")
+    designer.send(Keys.ENTER)
+    colleague.press("Runs")
+    colleague.sees("blade-1-s2")
+    for name in ("blade-1-s1", "blade-1-s2"):
+        wait_for(project, name, "done")
+    colleague.until(lambda page: page.find_element(By.TAG_NAME, "body").text.count("done") == 2)
+    means = [
+        json.loads((project.runs / name / "summary.json").read_text())["series"]["draft_newton"]["mean"]
+        for name in ("blade-1-s1", "blade-1-s2")
+    ]
+    assert means[0] != means[1]
+    assert designer.complaints() == colleague.complaints() == []
+
+
+@pytest.mark.full
+@needs_browser
+def test_a_calibration_is_seen_to_come_and_is_stopped(
+    address: str, browser: webdriver.Chrome, project: Project
+) -> None:
+    """Its soil is what the sliders say; its first lines are on the page."""
+    designer = Designer(browser, address)
+    designer.press("Soil")
+    designer.tab_to("Cohesion [kPa]")
+    designer.send(Keys.ARROW_RIGHT, Keys.ARROW_RIGHT)
+    designer.type("Name of the soil", "mine")
+    designer.press("Calibrate")
+    designer.sees("running")
+    designer.picture("soil")
+    assert parse_yaml((project.folder / "soils" / "mine.yaml").read_text(), "mine")["cohesion_pa"] == 11_000.0
+    designer.press("Stop")
+    designer.sees("stopped")
+    assert not (project.folder / "soils" / "mine_material.yaml").exists()
+    assert designer.complaints() == []
+
+
+@pytest.mark.full
+@needs_browser
 def test_a_bad_mesh_is_named_and_cannot_run(
     address: str, browser: webdriver.Chrome, project: Project, tmp_path: Path
 ) -> None:
@@ -335,7 +439,12 @@ def test_a_bad_mesh_is_named_and_cannot_run(
     designer.sees("hole.stl is in the project")
     assert "share.stl" in project.scene_file("pull").read_text()
     designer.type("New scene: name", "bad" + Keys.ENTER)
-    designer.sees("subsoil check: ")
+    designer.sees("is not watertight")
+    field = browser.find_element(
+        By.XPATH, "//label[contains(@class, 'q-select')][.//*[@aria-label='Tool file']]"
+    )
+    assert "is not watertight" in field.text
+    designer.picture("bad_mesh")
     assert "hole.stl" in project.scene_file("bad").read_text()
     run = browser.find_element(By.XPATH, "//button[.='Run']")
     designer.until(lambda page: not run.is_enabled())

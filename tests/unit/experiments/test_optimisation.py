@@ -49,6 +49,15 @@ def test_the_least_draft_is_found_and_can_be_run(scene: Path, tmp_path: Path, ca
     assert f"subsoil compare {scene} {out / 'best.yaml'}" in printed.replace("\n", "")
 
 
+def test_a_scene_in_short_needs_no_name(scene: Path, tmp_path: Path) -> None:
+    """It is that of the searched file, also in best.yaml."""
+    blade = "{blade: {rake_deg: 30, width_m: 0.06}, depth_m: 0.2, speed_m_per_s: 0.5}"
+    scene.write_text(f"soil: loam\ntravel_m: 0.3\npreset: real_time\ntools: {{tine: {blade}}}\n")
+    words = ["optimise", str(scene), "--vary", f"{RAKE}=28,34", "--trials", "1"]
+    assert main([*words, "--out", str(tmp_path / "out")]) == 0
+    assert load_scene(tmp_path / "out" / "best.yaml").scene.name == "blade"
+
+
 def test_names_with_a_dot(tmp_path: Path, capsys: Captured) -> None:
     """A start value keeps its name, shank.angle_rad; an initial condition would win over it in a file."""
     scene, key = "subsoiler_1s300_wedge", "mechanism.initial.coordinates.shank.angle_rad"

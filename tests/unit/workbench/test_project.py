@@ -14,12 +14,14 @@ from hypothesis import strategies as st
 from subsoil_ros.errors import InputError
 from subsoil_ros.workbench import jobs
 from subsoil_ros.workbench.project import (
+    BLADE,
+    FLAT_BLADE,
     LARGEST_TOOL_BYTES,
     Project,
+    cause_of,
     checked,
     first_scene,
     form_of,
-    soils,
     with_form,
 )
 from subsoil_ros.yaml_document import dump_yaml, parse_yaml
@@ -98,8 +100,71 @@ def test_other_scenes_have_no_form(text: str) -> None:
     assert form_of(text) is None
 
 
-def test_shipped_soils_are_offered() -> None:
-    assert {"loam", "dry_sand", "sandy_loam", "clay_loam"} <= set(soils())
+def test_a_flat_blade_takes_the_place_of_a_file_and_gives_it_back(project: Project) -> None:
+    text = project.scene_file("pull").read_text()
+    turned = with_form(text, {"unit": "mm", "up": "y", "turn_deg": 90.0})
+    shown = form_of(turned)
+    assert shown is not None
+    assert (shown["unit"], shown["up"], shown["turn_deg"], shown["rake_deg"]) == ("mm", "y", 90.0, None)
+    blade = with_form(turned, {"mesh": FLAT_BLADE})
+    tool = {"blade": BLADE, "depth_m": 0.15, "speed_m_per_s": 0.5}
+    assert parse_yaml(blade, "scene")["tools"] == {"tool": tool}
+    shown = form_of(with_form(blade, {"rake_deg": 40.0}))
+    assert shown is not None
+    assert (shown["mesh"], shown["rake_deg"], shown["width_m"]) == (FLAT_BLADE, 40.0, 0.06)
+    back = with_form(with_form(turned, {"turn_deg": None, "unit": None, "up": None}), {"mesh": FLAT_BLADE})
+    assert parse_yaml(with_form(back, {"mesh": "plate.stl"}), "scene") == parse_yaml(text, "scene")
+    assert form_of(text.replace("depth_m", "rotation_deg: [10, 0, 0]\n    depth_m")) is None
+
+
+@pytest.mark.parametrize(
+    ("message", "field"),
+    [
+        (
+            "tools.tool: depth 0.02 m is outside the range 0.14 to 0.26 m that soil.file was fitted in",
+            "depth_m",
+        ),
+        ("tools.depth: speed 9 m/s is outside the range 0.5 to 4 m/s that soil.file", "speed_m_per_s"),
+        ("tools.tool: inertial number 0.83 of tool tool, 9 m/s at 0.2 m", "speed_m_per_s"),
+        ("tools.tool.mesh: /depth/a.stl: is 0.000176 m large; correct its unit: in the file", "unit"),
+        ("tools.tool: is wholly below the surface; if its file has y upwards, give 'up: y'", "up"),
+        ("pull.yaml: tools.tool.groups.tool.mesh: /speed/hole.stl: is not watertight", "mesh"),
+        ("pull.yaml: travel_m: given 0; it must be a number above 0", "travel_m"),
+        ("pull.yaml: preset slow: is none; choose one of fine", "preset"),
+        ("pull.yaml: soil.material: given 'mud'; there is no such file or shipped soil", "soil"),
+        ("pull.yaml: unknown key 'colour'", None),
+    ],
+)
+def test_messages_stand_at_the_field_that_they_are_about(message: str, field: str | None) -> None:
+    assert cause_of(message) == field
+
+
+def test_soils_are_the_shipped_ones_and_those_of_the_project(project: Project) -> None:
+    (project.folder / "soils").mkdir()
+    (project.folder / "soils" / "mine_material.yaml").touch()
+    (project.folder / "soils" / "mine.yaml").touch()
+    offered = project.soils()
+    assert offered[0] == "soils/mine_material.yaml"
+    assert {"loam", "dry_sand", "sandy_loam", "clay_loam"} <= set(offered[1:])
+
+
+def test_a_command_that_has_written_its_file_is_done(project: Project) -> None:
+    """A search or a calibration goes on from what it has kept."""
+    product = project.folder / "soils" / "mine_material.yaml"
+    jobs.put(project, "mine", ["calibrate"], product, jobs.SOIL)
+    with pytest.raises(InputError, match="a job of this name"):
+        jobs.ask_for(project, "mine", "pull")
+    file = project.runs / "mine.job"
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"pid": 0, "stopping": True}))
+    (project.runs / "mine.log").write_text("set 3 of 12")
+    (job,) = jobs.jobs(project)
+    assert (job.kind, job.state, job.detail) == (jobs.SOIL, "stopped", "set 3 of 12")
+    jobs.again(project, "mine")
+    assert jobs.jobs(project)[0].state == "queued"
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"pid": 0}))
+    product.parent.mkdir()
+    product.touch()
+    assert jobs.jobs(project)[0].state == "done"
 
 
 def test_one_that_waits_leaves_the_queue(project: Project) -> None:

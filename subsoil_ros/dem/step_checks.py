@@ -41,8 +41,9 @@ class StepChecks:
         """
         model, state = self._model, self._state
         for tool, motion in zip(state.tools, motions, strict=True):
-            if tool.speed_m_per_s(motion) * model.step_s > model.smallest_m:
-                refuse_leap(self.where(tick, step), tool, motion, model.step_s, model.smallest_m)
+            allowed_m = model.smallest_m - tool.mesh.setback_m
+            if tool.speed_m_per_s(motion) * model.step_s > allowed_m:
+                refuse_leap(self.where(tick, step), tool, motion, model.step_s, allowed_m)
             if tool.spatial and model.soil.bin.sides != "walls":
                 try:
                     tool.refuse_at_sides(motion, state.domain.bed, model.soil)

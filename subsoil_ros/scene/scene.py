@@ -12,7 +12,7 @@ from .record import Record
 from .soil import Auto, Soil
 from .terrain_soil import TerrainSoil
 from .time_laws import ConstantLaw
-from .tools import Tool
+from .tools import LARGEST_SETBACK, Tool
 from .wedge_soil import ExternalSoil, WedgeSoil
 
 
@@ -186,6 +186,7 @@ class Scene(StrictModel):
             raise ValueError("gravity_m_per_s2: given 0, and a terrain is held by its weight; give more")
         _check_external(self)
         _check_spatial(self)
+        _check_setback(self)
         for name, force in (self.mechanism.forces if self.mechanism else {}).items():
             if isinstance(force, WheelContact) and force.body in carried:
                 raise ValueError(
@@ -253,6 +254,22 @@ def _check_spatial(scene: Scene) -> None:
             raise ValueError(
                 f"{where}: {found}, and soil.model 'wedge' has theory for plates with a level edge only; use "
                 "soil.model: dem, or leave it out"
+            )
+
+
+def _check_setback(scene: Scene) -> None:
+    """Raises ValueError for a setback that particles cannot have, or without particles."""
+    soil = scene.particle_soil
+    allowed_m = LARGEST_SETBACK * soil.particles.bounds_m[0] if soil is not None else 0.0
+    for name, tool in scene.tools.items():
+        if soil is None and tool.setback_m > 0.0:
+            raise ValueError(
+                f"tools.{name}.setback_m: given without particles, which alone need it; leave it out"
+            )
+        if tool.setback_m > allowed_m:
+            raise ValueError(
+                f"tools.{name}.setback_m: given {tool.setback_m:g}; it must be at most {allowed_m:g}, "
+                f"{LARGEST_SETBACK:g} of the radius of the smallest particle"
             )
 
 

@@ -44,6 +44,7 @@ class ToolMesh:
     facet_group: NDArray[np.int32]  # (m,), index into groups
     groups: tuple[str, ...]
     lateral_m: float = 0.0  # y of the body
+    setback_m: float = 0.0  # how far particles reach in before they touch it
 
     def about_body(self) -> "ToolMesh":
         """The mesh with y measured from the body, as needed for a tool that moves in space."""
@@ -88,6 +89,7 @@ def load_tool_mesh(directory: Path, scene: Scene, tool_name: str) -> ToolMesh:
         facet_group=np.concatenate(facet_group).astype(np.int32),
         groups=tuple(tool.groups),
         lateral_m=tool.lateral_m,
+        setback_m=tool.setback_m,
     )
 
 

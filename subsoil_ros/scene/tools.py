@@ -8,13 +8,16 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from ..rotations import Quaternion, planar_quaternion, quaternion_of, rotation_between, turned
-from ..strict_model import Finite, Name, Positive, StrictModel
+from ..strict_model import Finite, Name, NonNegative, Positive, StrictModel
 from .time_laws import Law
 
 Coordinates = tuple[Finite, Finite, Finite]
 """x, y and z in world axes, or in those of a tool."""
 
 MeshUnit = Literal["m", "cm", "mm", "inch"]
+LARGEST_SETBACK = 0.9
+"""Of the smallest radius: a particle touches a tool while its centre is outside, however the tool comes."""
+
 METRES: Mapping[MeshUnit, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254}
 
 Upward = Literal["y", "z"]
@@ -229,6 +232,11 @@ class Tool(CadKeys):
     path: Path | None = Field(None, description="of the tool, if there is no mechanism.")
     lateral_m: Finite = Field(0.0, description="y of the tool's body, or of its path.")
     groups: dict[Name, MeshPart] = {}
+    setback_m: NonNegative = Field(
+        0.0,
+        description="particles reach this far into the surface before they touch it: large ones then act "
+        "on a tool as ones smaller by this do (validation/limit.md).",
+    )
     density_kg_per_m3: Positive | None = Field(
         None,
         description="of the solid; `subsoil check` prints mass and inertia of the meshes from it.",

@@ -93,9 +93,9 @@ def at() -> object:
     return tool_at
 
 
-def one_tool(mesh: str) -> dict:
-    """A scene's `tools` with one mesh at the origin of its path."""
-    return {"tool": {"path": {}, "groups": {"body": {"mesh": mesh}}}}
+def one_tool(mesh: str, **keys: object) -> dict:
+    """A scene's `tools` with one mesh at the origin of its path, and other keys of it."""
+    return {"tool": {"path": {}, "groups": {"body": {"mesh": mesh}}} | keys}
 
 
 @pytest.fixture

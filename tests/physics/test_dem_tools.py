@@ -15,15 +15,15 @@ MASS = 1800.0 * 4.0 / 3.0 * math.pi * 0.01**3
 NO_ADHESION = {"cohesive_stiffness_newton_per_m": NEGLIGIBLE}
 
 
-def rest_on_a_box(soil, at, one, subdivide, offset_m=0.0):
-    """A sphere slides and comes to rest on the top of a box, 0.06 m above the floor."""
+def rest_on_a_box(soil, at, one, subdivide, setback_m=0.0):
+    """A sphere slides and comes to rest on the top of a box, 0.06 m above the floor, less the setback."""
     engine = soil.engine(
         "soil.bin.length_m=0.4",
         law={"rolling_friction": 0.01},
-        tools=one(soil.box(0.3, 0.1, 0.04, subdivide=subdivide)),
+        tools=one(soil.box(0.3, 0.1, 0.04, subdivide=subdivide), setback_m=setback_m),
     )
     top = engine.bed.lower_m[2] + 0.08
-    engine.place([(0.15 + offset_m, 0.003, top + 0.0081)], [(0.3, 0.02, 0.0)])
+    engine.place([(0.15, 0.003, top + 0.0081 - setback_m)], [(0.3, 0.02, 0.0)])
     motions = at(0.2, top - 0.02)
     engine.start(motions)
     for tick in range(3000):
@@ -54,6 +54,14 @@ def test_a_facet_plane_acts_as_a_wall_does(soil, at, one):
     # z of the box's top is a float32 in the file
     assert_allclose(facets[0], engine.positions_m()[0] - (0.0, 0.0, floor), atol=1e-7)
     assert_allclose(facets[2].force_z_newton, -MASS * 9.81, rtol=1e-3)
+
+
+def test_a_setback_moves_the_surface_that_is_felt_and_nothing_else(soil, at, one):
+    """The sphere slides and rests as on the surface itself, deeper by the setback."""
+    level, back = rest_on_a_box(soil, at, one, 0), rest_on_a_box(soil, at, one, 0, setback_m=0.006)
+    assert_allclose(back[0], level[0] - (0.0, 0.0, 0.006), atol=1e-7)
+    assert_allclose(back[1], level[1], atol=1e-9)
+    assert_allclose(back[2].force_z_newton, level[2].force_z_newton, rtol=1e-9)
 
 
 @pytest.mark.parametrize("angle_rad", [0.0, 0.3])

@@ -21,6 +21,7 @@ class Facets(NamedTuple):
     vertex: np.ndarray  # (m, 3) int32
     opposite: np.ndarray  # (m, 3) int32: facet across edge ab, bc, ca
     group: np.ndarray  # (m,) int32
+    setback: np.ndarray  # (1,) [m], how far particles reach in before they touch
     part: np.ndarray  # (m,) int32, number of the closed part; of length 0 if no two parts are near each other
 
 
@@ -43,6 +44,7 @@ def facets_of(mesh: ToolMesh) -> Facets:
         facets,
         opposite.reshape(-1, 3),
         np.ascontiguousarray(mesh.facet_group, np.int32),
+        np.array([mesh.setback_m]),
         _parts_in_touch(mesh),
     )
 

@@ -174,9 +174,11 @@ def _one_of_each_direction(found, out):
 def _find_contacts(row, p, reach, near, facets, out):
     """Contacts of a centre p [m, body frame] with the facets of its candidate `row`.
 
-    Returns the number found; rows of out (CANDIDATES, FOUND), but for the slot's normal.
+    Returns the number found; rows of out (CANDIDATES, FOUND), but for the slot's normal. Distances are to
+    the surface, increased by its setback.
     """
     px, py, pz = p
+    setback = facets.setback[0]
     was_active, was_normal = near.active[row], near.normal[row]
     found = 0
     for q in range(near.facet_start[row], near.facet_start[row + 1]):
@@ -184,7 +186,7 @@ def _find_contacts(row, p, reach, near, facets, out):
         qx, qy, qz, kind = closest_feature(px, py, pz, facets.corner[m])
         dx, dy, dz = qx - px, qy - py, qz - pz
         distance = math.sqrt(dx * dx + dy * dy + dz * dz)
-        if distance >= reach:
+        if distance >= reach - setback:
             continue
         nx, ny, nz = facets.normal[m, 0], facets.normal[m, 1], facets.normal[m, 2]
         height = -(dx * nx + dy * ny + dz * nz)
@@ -217,7 +219,10 @@ def _find_contacts(row, p, reach, near, facets, out):
         out[place, 0], out[place, 1], out[place, 2] = nx, ny, nz
         out[place, 3], out[place, 4], out[place, 5], out[place, 6] = distance, facets.group[m], slot, 0.0
         found = max(found, place + 1)
-    return _one_of_each_direction(found, out)
+    kept = _one_of_each_direction(found, out)
+    for k in range(kept):
+        out[k, 3] += setback
+    return kept
 
 
 @inner_kernel()

@@ -134,7 +134,9 @@ class ToolSurface:
         return speed + self._radius_m * abs(motion.angular_velocity_rad_per_s)
 
     def overlapped(self, particles: Particles, clearance_m: np.ndarray) -> np.ndarray:
-        """Particles (numbers) inside the surface or closer to it than their `clearance_m` (n,)."""
+        """Particles (numbers) inside the surface or closer to it than their `clearance_m` (n,), but for the
+        setback."""
+        clearance_m = np.maximum(clearance_m - self.mesh.setback_m, 0.0)
         pose, vertices, position = self.kernel_motion(self.last), self.mesh.vertices_m, particles.position
         if self.spatial:
             vertices, local = self.world_m(self.last), position
@@ -256,17 +258,19 @@ def surfaces(resolved: ResolvedScene, bed: Bed, motions: tuple[ToolMotion, ...])
     return tuple(found)
 
 
-def refuse_leap(where: str, tool: ToolSurface, motion: ToolMotion, step_s: float, radius_m: float) -> None:
-    """Refuse a surface that moves by more than a radius in a step: it could pass a centre undetected.
+def refuse_leap(where: str, tool: ToolSurface, motion: ToolMotion, step_s: float, allowed_m: float) -> None:
+    """Refuse a surface that moves by more than a radius, less its setback, in a step: it could pass a centre
+    undetected.
 
     Raises:
         PhysicsError: always.
     """
     speed, spin = tool.speed_m_per_s(motion), math.hypot(*motion.spin_rad_per_s)
+    less = " less tools.*.setback_m" if tool.mesh.setback_m else ""
     angle = "" if tool.spatial else f", at an angle of {motion.angle_rad:.4g} rad"
     raise PhysicsError(
         f"{where}: tool {tool.name} moves at up to {speed:.3g} m/s, {speed * step_s:.3g} m in one soil step "
         f"(turning at {spin:.3g} rad/s{angle}); "
-        f"allowed is the radius of the smallest particle, {radius_m:g} m: make the tool slower, or use a "
-        "smaller soil.time_step_s"
+        f"allowed is the radius of the smallest particle{less}, {allowed_m:g} m: make the tool slower, or "
+        "use a smaller soil.time_step_s"
     )

@@ -236,3 +236,14 @@ def test_alias_that_contains_itself(scene_file: Path) -> None:
     """A YAML alias inside its own anchor ends in a message, not in a recursion."""
     scene_file.write_text(SCENE + "loop: &loop {again: *loop}\n")
     assert "nested without end" in complaint(scene_file)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
+        (["tools.tine.setback_m=0.012"], "given 0.012; it must be at most 0.00956"),
+        (["tools.tine.setback_m=0.005", "preset=real_time"], "given without particles"),
+    ],
+)
+def test_setbacks_that_are_refused(overrides: list[str], words: str) -> None:
+    assert words in complaint(Path(__file__).parents[3] / "config/scenes/field_tine.yaml", *overrides)

@@ -8,6 +8,7 @@ runs/NAME.log. Its scene is as it was when it was asked for: the hidden file .NA
 import fcntl
 import json
 import os
+import re
 import signal
 import subprocess
 import time
@@ -26,6 +27,11 @@ from .project import Project, checked, is_name, write
 
 RUN, SEARCH, SOIL = "run", "search", "soil"
 """Kinds of jobs."""
+
+_LIVE = re.compile(r"ws://[\w.]+:\d+")
+
+FIRST_LETTERS = 4000
+"""Of a log: a run tells its address at its start."""
 
 LAST_BYTES = 1000
 """Of the log of a run that failed."""
@@ -137,6 +143,14 @@ def log(project: Project, name: str) -> str:
     file = project.runs / f"{checked(name)}.log"
     with suppress(OSError):
         return _end_of(file, file.stat().st_mtime_ns)
+    return ""
+
+
+def live_address(project: Project, name: str) -> str:
+    """Where a run that goes on tells Foxglove of itself; empty until it does, and where it does not."""
+    with suppress(OSError), (project.runs / f"{checked(name)}.log").open(errors="replace") as said:
+        if found := _LIVE.search(said.read(FIRST_LETTERS)):
+            return found[0]
     return ""
 
 

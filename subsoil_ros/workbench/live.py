@@ -141,8 +141,11 @@ def drawn(
 
 
 def soil_bytes(cloud: SoilCloud) -> bytes:
-    """What soil.js draws: time [s], longest side of the box around the soil and of the cube of a grain [m],
-    float64; positions [m] from its median, float32 (n, 3); colours, uint8 (n, 3). b"" without particles."""
+    """What soil.js draws; b"" without particles.
+
+    float64: time [s], longest side of the box around most of the soil and side of the cube of a grain [m];
+    float32 (n, 3): positions [m] from the median of the soil; uint8 (n, 3): colours.
+    """
     positions, speeds = np.asarray(cloud.positions_m), np.asarray(cloud.speeds_m_per_s)
     if not len(speeds):
         return b""
@@ -152,6 +155,6 @@ def soil_bytes(cloud: SoilCloud) -> bytes:
     grain = 1.0 - 0.3 * (GOLDEN * np.arange(len(speeds)) % 1.0)[:, None]
     colours = (grain * (np.array(STILL) + moved * np.subtract(FAST, STILL))).astype(np.uint8)
     places = (positions - np.median(positions, axis=0)).astype("<f4")
-    sides = np.ptp(places, axis=0).astype(float)
+    sides = np.ptp(np.percentile(places, (1.0, 99.0), axis=0), axis=0)
     head = struct.pack("<ddd", cloud.end_time_ns * 1e-9, sides.max(), (sides.prod() / len(places)) ** (1 / 3))
     return head + places.tobytes() + colours.tobytes()

@@ -2,6 +2,7 @@
 
 from functools import partial
 from typing import Any
+from urllib.parse import quote
 
 from nicegui import background_tasks, ui
 from nicegui.element import Element
@@ -14,6 +15,9 @@ from .project import Project, free_name
 DRAW_S = 600.0
 """Longest time for a report or a comparison."""
 
+VIEWER = "https://app.foxglove.dev/~/view?ds=foxglove-websocket&ds.url="
+"""Foxglove with a running simulation, whose address follows."""
+
 GROWS = ("running", "stopping")
 """States of a run whose record grows."""
 
@@ -23,6 +27,7 @@ class Soil(Element, component="soil.js"):
 
     def show(self, url: str, run: str) -> None:
         """Draw them; of another run as at first, of the same one as it was turned."""
+        self.set_visibility(bool(url))
         if self._props.get("url") != url:
             self._props |= {"url": url, "run": run}
             self.update()
@@ -37,12 +42,13 @@ class RunsPanel:
         self._looking = self._writes = False
         self._drawn = ""  # name of the run in the plot
         self._answer: dict[str, Any] = {}  # in the plot
+        self._live = ""  # address that is linked
         columns = [
             {"name": name, "label": name, "field": name, "align": "left", "sortable": True}
             for name in ("run", "scene", "state")
         ]
         with ui.row().classes("w-full no-wrap items-start"):
-            with ui.column().classes("w-96 gap-1"):
+            with ui.column().classes("w-96 shrink-0 gap-1"):
                 self._table = ui.table(
                     columns=columns, rows=[], row_key="run", selection="multiple", pagination=12,
                     on_select=lambda: self._chosen(),
@@ -55,7 +61,7 @@ class RunsPanel:
                             ("Compare", self._compare),
                         )
                     }  # fmt: skip
-            with ui.column().classes("grow gap-1"):
+            with ui.column().classes("grow min-w-0 gap-1"):
                 self._title = ui.label("Choose a run; choose two or more to compare them")
                 axes = {"type": "value", "scale": True, "nameLocation": "middle", "nameGap": 28}
                 self._plot = ui.echart(
@@ -90,6 +96,10 @@ class RunsPanel:
     def look(self) -> None:
         """Draw the record so far of the chosen run, where it goes on."""
         if (one := self._one()) is not None and one.state in GROWS:
+            if (live := jobs.live_address(self._project, one.name)) != self._live:
+                self._live = live
+                with self._links:
+                    ui.link(f"Foxglove: {live}", VIEWER + quote(live, safe=""), new_tab=True)
             watch = watched(self._project.run_folder(one.name))
             if watch.answer and watch.answer is not self._answer:
                 self._show(one, watch.answer, f"{SOIL}/{one.name}")
@@ -110,7 +120,8 @@ class RunsPanel:
             ("Compare", len(chosen) > 1 and done and not self._writes),
         ):
             self._buttons[name].set_enabled(able)
-        self._answer = {}
+        self._answer, self._live = {}, ""
+        self._plot.set_visibility(one is not None)
         if one is None or one.name != self._drawn:
             self._drawn = ""
             self._plot.options["series"][0]["data"] = []

@@ -83,7 +83,7 @@ class ScenePanel:
             self._new.on("keydown.enter", self._create)
             ui.button(icon="add", on_click=self._create).props('dense aria-label="New scene"')
         kinds = ",".join(TOOL_SUFFIXES)
-        upload = ui.upload(
+        self._upload = upload = ui.upload(
             label="Tool file",
             on_upload=self._uploaded,
             auto_upload=True,
@@ -98,7 +98,7 @@ class ScenePanel:
             "mesh": ui.select([], label="Tool file"),
             "unit": ui.select({unit: unit or "of the file" for unit in UNITS}, label="Its unit"),
             "up": ui.select({axis: axis or "z" for axis in AXES}, label="Upwards in it"),
-            "turn_deg": ui.number("Turned about z [deg]", step=90),
+            "turn_deg": ui.number("Turned [deg]", step=90),
             "rake_deg": ui.number("Rake [deg]", min=0.0, step=5),
             "width_m": ui.number("Width [m]", min=0.0, step=0.01),
             "soil": ui.select(self._project.soils(), label="Soil"),
@@ -173,6 +173,7 @@ class ScenePanel:
             ui.notify(f"{event.file.name}: is too large", type="negative")
             return
         content = await event.file.read()
+        self._upload.reset()
         if name := tell(lambda: self._project.add_tool(event.file.name, content)):
             self._brought = name
             self.refresh()

@@ -333,11 +333,12 @@ def test_from_a_tool_to_a_comparison(address: str, browser: webdriver.Chrome, pr
         "the first page scrolls"
     )
     designer.picture("scene")
+    designer.until(lambda page: page.find_element(By.XPATH, "//*[@role='checkbox'][.='Foxglove']")).click()
     designer.press("Run")
     designer.sees("running")
     designer.choose("tine-1")
     designer.sees("mean draft")  # of what there is so far
-    designer.picture("run")
+    designer.sees("Foxglove: ws://127.0.0.1:")
     designer.press("Stop")
     designer.sees("stopped")
     browser.refresh()
@@ -349,9 +350,16 @@ def test_from_a_tool_to_a_comparison(address: str, browser: webdriver.Chrome, pr
     designer.choose("tine-1")
     designer.choose("tine-1-1")
     designer.sees("120.00 of 120 s; mean draft")
-    jobs.ask_for(project, "other", "pull")
+    jobs.ask_for(project, "other", "pull", settings=["preset=coarse"])
     designer.until(lambda page: (project.runs / "other" / "summary.json").is_file())
+    designer.choose("tine-1-1")
     designer.choose("other")
+    designer.sees("1.00 of 1 s; mean draft")
+    pixels = "const soil = document.querySelector('canvas.soil'); return soil.offsetParent !== null && "
+    pixels += "soil.getContext('2d').getImageData(0, 0, 520, 260).data.some(Boolean)"
+    designer.until(lambda page: page.execute_script(pixels))
+    designer.picture("run")
+    designer.choose("tine-1-1")
     designer.press("Compare")
     (page,) = designer.until(lambda _: list(project.folder.glob("comparisons/*/comparison.html")))
     designer.sees("comparison.html")
@@ -360,7 +368,7 @@ def test_from_a_tool_to_a_comparison(address: str, browser: webdriver.Chrome, pr
     link = browser.find_element(By.LINK_TEXT, "comparison.html").get_attribute("href")
     assert link is not None
     browser.get(link)
-    assert "tine-1-1" in browser.page_source
+    designer.until(lambda page: "tine-1-1" in page.page_source)
     assert page.stat().st_size > 1000
 
 

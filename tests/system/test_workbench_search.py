@@ -84,6 +84,7 @@ def test_from_a_form_to_the_best(address: str, browser: webdriver.Chrome, projec
     designer.until(lambda page: title.search(page.find_element(By.TAG_NAME, "body").text))
     designer.sees("blade-search-2: done, 12 points")
     designer.sees("subsoil compare")
+    designer.picture("search")
     designer.press("Take the best as a scene")
     designer.until(lambda _: "blade-search-2-best-1" in project.scenes())
     values = searches.found(project, "blade-search-2").points[0].values

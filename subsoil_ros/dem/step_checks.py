@@ -76,11 +76,13 @@ class StepChecks:
         """
         model, monitor = self._model, self._state.monitor
         for tool in self._state.tools:
-            if tool.max_overlap_m > model.largest_tool_overlap_m:
+            allowed_m = model.largest_tool_overlap_m - tool.mesh.setback_m
+            if tool.max_overlap_m > allowed_m:
+                less = " less tools.*.setback_m" if tool.mesh.setback_m else ""
                 raise PhysicsError(
                     f"{self.where(tick, step)}: tool {tool.name} overlaps a particle by "
-                    f"{tool.max_overlap_m:.3g} m, allowed is soil.max_tool_overlap_m "
-                    f"{model.largest_tool_overlap_m:.3g} m; {self._remedy_of_overlap(tool)}"
+                    f"{tool.max_overlap_m:.3g} m, allowed is soil.max_tool_overlap_m{less} "
+                    f"{allowed_m:.3g} m; {self._remedy_of_overlap(tool)}"
                 )
         last = step == model.soil_steps and tick == self.last_tick
         if monitor is not None and monitor.due(last=last):

@@ -135,7 +135,9 @@ def again(project: Project, name: str) -> None:
     """Put a search or a soil that ended early into the queue again: it goes on from what it has kept."""
     asked = _asked(project, name)
     if asked and not _job(project, name, asked).goes_on:
-        _keep(project, name, asked | {"asked_ns": time.time_ns(), "pid": None, "stopping": False})
+        _keep(
+            project, name, asked | {"asked_ns": time.time_ns(), "pid": None, "stopping": False, "again": True}
+        )
 
 
 def log(project: Project, name: str) -> str:
@@ -183,7 +185,9 @@ def stop(project: Project, name: str) -> None:
     """End a run: it writes a checkpoint and its results so far. One that waits leaves the queue."""
     asked = _asked(project, name)
     state = _job(project, name, asked).state if asked else ""
-    if state == "queued":
+    if state == "queued" and asked.get("again"):
+        _keep(project, name, asked | {"pid": 0, "stopping": True})
+    elif state == "queued":
         _asked_file(project, name).unlink(missing_ok=True)
         _job_file(project, name).unlink()
     elif state == "running":  # a second signal would end it at once, without results
@@ -225,7 +229,7 @@ def _outcome(project: Project, name: str, *, stopped: bool = False) -> tuple[str
     summary = project.runs / name / "summary.json"
     with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
         why = _failure(summary, summary.stat().st_mtime_ns)
-        return ("stopped" if stopped or "SIGINT" in why else "failed" if why else "done"), why
+        return ("done" if not why else "stopped" if stopped or "SIGINT" in why else "failed"), why
     return ("stopped" if stopped else "failed"), log(project, name)
 
 

@@ -208,8 +208,10 @@ class RunsPanel:
         before, self._writes = self._selected(), True
         self._chosen()
         self._detail.set_text(f"subsoil {words[0]} is at work ...")
-        status, out, err = await said(*COMMAND, *words, longest_s=DRAW_S)
-        self._writes = False
+        try:
+            status, out, err = await said(*COMMAND, *words, longest_s=DRAW_S)
+        finally:
+            self._writes = False
         self._chosen()
         if self._selected() == before:
             self._detail.set_text(err if status else out)

@@ -278,10 +278,12 @@ class ScenePanel:
                 raise InputError(f"Seeds: given {seeds}; give whole numbers, as 1, 2, 3")
             if seeds and self._seed_key is None:
                 raise InputError(f"Seeds: given {seeds}, but nothing in this soil is random; leave them out")
-            for seed in map(str.strip, seeds.split(",")):
+            named = {f"{name}-s{seed}" if seed else name: seed for seed in map(str.strip, seeds.split(","))}
+            if taken := {job.name for job in jobs.jobs(self._project)} & named.keys():
+                raise InputError(f"{min(taken)}: there is a run of this name; choose another")
+            for run, seed in named.items():
                 settings = [f"{self._seed_key}={seed}"] if seed else []
-                named = f"{name}-s{seed}" if seed else name
-                jobs.ask_for(self._project, named, self._name, settings=settings, live=self._live.value)
+                jobs.ask_for(self._project, run, self._name, settings=settings, live=self._live.value)
             self._run_name.set_value(self._free_name(self._name))
             self._run_asked()
 

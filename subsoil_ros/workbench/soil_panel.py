@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from nicegui import ui
 
+from ..errors import InputError
 from ..loading.files import config_folder, shipped_names
 from ..loading.material_file import read_laboratory_soil
 from ..yaml_document import dump_yaml
@@ -78,7 +79,7 @@ class SoilPanel:
                 with ui.row().classes("items-center"):
                     self._jobs = ui.select([], label="Calibration", on_change=self.refresh).classes("w-48")
                     self._stop = ui.button("Stop", on_click=lambda: self._do(jobs.stop)).props("outline")
-                    self._again = ui.button("Go on", on_click=lambda: self._do(jobs.again)).props("outline")
+                    self._again = ui.button("Again", on_click=lambda: self._do(jobs.again)).props("outline")
                 self._state = ui.label()
                 self._said = ui.label().classes("font-mono text-xs whitespace-pre-wrap")
         self.refresh()
@@ -105,6 +106,8 @@ class SoilPanel:
             folder.mkdir(exist_ok=True)
             values = {key: slider.value / VALUES[key].unit for key, slider in self._sliders.items()}
             laboratory, material = folder / f"{name}.yaml", folder / f"{name}{MATERIAL}"
+            if laboratory.exists() or material.exists() or name.endswith("_material"):
+                raise InputError(f"{name}: there is a soil of this name; choose another")
             words = ["calibrate", str(laboratory), "--radius", str(RADIUS_M), "--out", str(material)]
             jobs.put(self._project, name, words, material, jobs.SOIL)
             soil = {"model": "laboratory", "name": name, "source": "given in the workbench"}

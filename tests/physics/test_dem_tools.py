@@ -160,12 +160,13 @@ def test_a_concave_corner_is_two_contacts(soil, at, one, tmp_path):
     assert_allclose(sunk, MASS * 9.81 / (2.0 * stiffness * 0.5), rtol=0.2)
 
 
-def test_a_particle_pressed_through_a_thin_share_stays_on_its_side(soil, at, one):
+@pytest.mark.parametrize("setback_m", [0.0, 0.008])
+def test_a_particle_pressed_through_a_thin_share_stays_on_its_side(soil, at, one, setback_m):
     """A plate of 8 mm, thinner than the sphere, drives it into the wall until its centre is behind the face:
     the force keeps its direction, and on release the sphere comes back out of the same face."""
     engine = soil.engine(
         "gravity_m_per_s2=0", "soil.bin.length_m=0.2", "soil.max_tool_overlap_m=0.02", law=NO_ADHESION,
-        tools=one(soil.box(0.008, 0.06, 0.06)),
+        tools=one(soil.box(0.008, 0.06, 0.06), setback_m=setback_m),
     )  # fmt: skip
     far_wall = engine.bed.upper_m[0]
     engine.place([(far_wall - 0.008, 0.0, -0.05)])

@@ -186,7 +186,7 @@ def _find_contacts(row, p, reach, near, facets, out):
         qx, qy, qz, kind = closest_feature(px, py, pz, facets.corner[m])
         dx, dy, dz = qx - px, qy - py, qz - pz
         distance = math.sqrt(dx * dx + dy * dy + dz * dz)
-        if distance >= reach - setback:
+        if distance >= reach:
             continue
         nx, ny, nz = facets.normal[m, 0], facets.normal[m, 1], facets.normal[m, 2]
         height = -(dx * nx + dy * ny + dz * nz)
@@ -196,6 +196,8 @@ def _find_contacts(row, p, reach, near, facets, out):
             if distance == 0.0 or not _is_nearest(p, (dx, dy, dz), distance, facets, m, kind):
                 continue
             nx, ny, nz = dx / distance, dy / distance, dz / distance
+        if distance >= reach - setback:  # less than nothing behind the face, where a contact goes on
+            continue
         slot, best = -1, _SAME_NORMAL
         for s in range(CONTACTS):
             if was_active[s]:

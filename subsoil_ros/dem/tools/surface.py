@@ -134,8 +134,8 @@ class ToolSurface:
         return speed + self._radius_m * abs(motion.angular_velocity_rad_per_s)
 
     def overlapped(self, particles: Particles, clearance_m: np.ndarray) -> np.ndarray:
-        """Particles (numbers) inside the surface or closer to it than their `clearance_m` (n,), but for the
-        setback."""
+        """Particles (numbers) inside the surface or closer to it than their `clearance_m` (n,) less
+        the setback."""
         clearance_m = np.maximum(clearance_m - self.mesh.setback_m, 0.0)
         pose, vertices, position = self.kernel_motion(self.last), self.mesh.vertices_m, particles.position
         if self.spatial:

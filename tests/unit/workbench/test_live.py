@@ -62,7 +62,8 @@ def test_a_soil_is_drawn_about_its_middle() -> None:
     """Positions from the median; the fastest particle is the brightest; too many are thinned."""
     positions = np.array([[9.0, 0.0, 0.0], [10.0, 1.0, -1.0], [11.0, 2.0, -2.0]], np.float32)
     content = soil_bytes(SoilCloud(0, 2_000_000_000, positions, np.array([0.0, 0.1, 0.2], np.float32)))
-    assert np.frombuffer(content, "<f8", 3) == pytest.approx([2.0, 2.0, (8.0 / 3.0) ** (1.0 / 3.0)])
+    side = 0.98 * 2.0  # of 1 to 99 % of the soil
+    assert np.frombuffer(content, "<f8", 3) == pytest.approx([2.0, side, (side**3 / 3.0) ** (1.0 / 3.0)])
     places = np.frombuffer(content, "<f4", 9, 24).reshape(3, 3)
     assert places.tolist() == [[-1.0, -1.0, 1.0], [0.0, 0.0, 0.0], [1.0, 1.0, -1.0]]
     assert np.frombuffer(content, np.uint8, -1, 60).reshape(3, 3)[:, 0].argmax() == 2

@@ -76,9 +76,11 @@ class StepChecks:
         """
         model, monitor = self._model, self._state.monitor
         for tool in self._state.tools:
-            allowed_m = model.largest_tool_overlap_m - tool.mesh.setback_m
+            # the default is where contacts end behind a face, which is nearer by the setback
+            back_m = 0.0 if model.soil.max_tool_overlap_m else tool.mesh.setback_m
+            allowed_m = model.largest_tool_overlap_m - back_m
             if tool.max_overlap_m > allowed_m:
-                less = " less tools.*.setback_m" if tool.mesh.setback_m else ""
+                less = " less tools.*.setback_m" if back_m else ""
                 raise PhysicsError(
                     f"{self.where(tick, step)}: tool {tool.name} overlaps a particle by "
                     f"{tool.max_overlap_m:.3g} m, allowed is soil.max_tool_overlap_m{less} "

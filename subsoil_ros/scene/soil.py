@@ -170,7 +170,9 @@ class Soil(StrictModel):
         1.0, description="on the boundary's normal stiffness, at tools only."
     )
     max_tool_overlap_m: Positive | None = Field(
-        None, description="the run stops beyond it; default: two radii of the sphere of mean volume."
+        None,
+        description="the run stops beyond it; default: two radii of the sphere of mean volume, less the "
+        "setback.",
     )
     window: SoilWindow | None = Field(
         None, description="soil exists near the tools only; left out: in the whole bin."

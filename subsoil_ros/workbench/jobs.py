@@ -87,10 +87,7 @@ def ask_for(
     if folder.exists():
         raise InputError(f"{name}: there is a run of this name; choose another")
     if resume is None:
-        asked = keep_scene(project, name, scene)
-        words = ["run", str(asked)]
-        if not any(line.startswith(b"name:") for line in asked.read_bytes().splitlines()):
-            words += ["--set", f"name='{scene}'"]
+        words = ["run", *keep_scene(project, name, scene)]
     else:
         earlier = project.run_folder(resume)
         if not earlier.is_dir():
@@ -104,8 +101,8 @@ def ask_for(
     put(project, name, words, folder / "summary.json", scene=scene)
 
 
-def keep_scene(project: Project, name: str, scene: str) -> Path:
-    """Keep a scene as it is now for a new job; the file that the job reads.
+def keep_scene(project: Project, name: str, scene: str) -> list[str]:
+    """Keep a scene as it is now for a new job; the words of a command that reads it under its own name.
 
     Raises:
         InputError: a name cannot be used, or there is such a job.
@@ -113,8 +110,10 @@ def keep_scene(project: Project, name: str, scene: str) -> Path:
     """
     _refuse_taken(project, name)
     asked = _asked_file(project, name)
-    write(asked, project.scene_file(scene).read_bytes())
-    return asked
+    text = project.scene_file(scene).read_bytes()
+    write(asked, text)
+    named = any(line.startswith(b"name:") for line in text.splitlines())
+    return [str(asked), *([] if named else ["--set", f"name='{scene}'"])]
 
 
 def put(
@@ -132,7 +131,7 @@ def put(
 
 
 def again(project: Project, name: str) -> None:
-    """Put a search or a soil that ended early into the queue again: it goes on from what it has kept."""
+    """Put a search or a soil that ended early into the queue again; a search goes on from what it kept."""
     asked = _asked(project, name)
     if asked and not _job(project, name, asked).goes_on:
         _keep(

@@ -1,7 +1,7 @@
 """What the panels share."""
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from nicegui import ui
 
@@ -11,6 +11,12 @@ T = TypeVar("T")
 
 FILES, SOIL = "/files", "/soil"
 """Addresses of the project folder, and of the soil of runs that go on."""
+
+
+def columns(*names: str, **labels: str) -> list[dict[str, Any]]:
+    """Columns of a table by their names; labels of others."""
+    shown = dict(zip(names, names, strict=True)) | labels
+    return [{"name": name, "label": label, "field": name, "align": "left"} for name, label in shown.items()]
 
 
 def tell(work: Callable[[], T]) -> T | None:

@@ -9,7 +9,7 @@ from nicegui.element import Element
 
 from . import jobs
 from .asides import COMMAND, ask, said, watched
-from .notes import FILES, SOIL, tell
+from .notes import FILES, SOIL, columns, tell
 from .project import Project, free_name
 
 DRAW_S = 600.0
@@ -43,14 +43,11 @@ class RunsPanel:
         self._drawn = ""  # name of the run in the plot
         self._answer: dict[str, Any] = {}  # in the plot
         self._live = ""  # address that is linked
-        columns = [
-            {"name": name, "label": name, "field": name, "align": "left", "sortable": True}
-            for name in ("run", "scene", "state")
-        ]
+        shown = [column | {"sortable": True} for column in columns("run", "scene", "state")]
         with ui.row().classes("w-full no-wrap items-start"):
             with ui.column().classes("w-96 shrink-0 gap-1"):
                 self._table = ui.table(
-                    columns=columns, rows=[], row_key="run", selection="multiple", pagination=12,
+                    columns=shown, rows=[], row_key="run", selection="multiple", pagination=12,
                     on_select=lambda: self._chosen(),
                 ).props("dense").classes("w-full")  # fmt: skip
                 with ui.row():

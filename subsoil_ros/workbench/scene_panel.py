@@ -49,6 +49,7 @@ class ScenePanel:
         self._project, self._run_asked = project, run_asked
         self._name, self._kept = "", ""  # the open scene, and the text that its file has
         self._due, self._filling, self._brought = 0, False, ""
+        self._checking = asyncio.Lock()
         self._seed_key: str | None = None
         with ui.row().classes("w-full no-wrap items-start gap-3"):
             with ui.column().classes("w-56 shrink-0 gap-1"):
@@ -226,10 +227,11 @@ class ScenePanel:
         mine, name = self._due, self._name
         self._run.set_enabled(False)
         await asyncio.sleep(TYPING_S)
-        if mine != self._due:
-            return
-        self._words.set_text("checking ...")
-        answer = await check(self._project.scene_file(name))
+        async with self._checking:
+            if mine != self._due:
+                return
+            self._words.set_text("checking ...")
+            answer = await check(self._project.scene_file(name))
         if mine == self._due:
             lines = (answer.get("words") or answer.get("error", "")).splitlines()
             told = [line for line in lines if line.startswith(TOLD)]
@@ -287,4 +289,6 @@ class ScenePanel:
             self._run_name.set_value(self._free_name(self._name))
             self._run_asked()
 
+        self._run.set_enabled(False)  # until it is checked again: a second click starts no second run
         tell(begin)
+        background_tasks.create(self._check())

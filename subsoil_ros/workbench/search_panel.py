@@ -2,12 +2,11 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 from nicegui import ui
 
 from . import jobs, searches
-from .notes import FILES, tell
+from .notes import FILES, columns, tell
 from .project import Project, free_name
 
 
@@ -22,7 +21,7 @@ class SearchPanel:
             with ui.column().classes("w-96 shrink-0 gap-1"):
                 self._form()
                 self._table = ui.table(
-                    columns=_columns("search", "scene", "state"), rows=[], row_key="search",
+                    columns=columns("search", "scene", "state"), rows=[], row_key="search",
                     selection="single", pagination=6, on_select=self._show,
                 ).props("dense").classes("w-full")  # fmt: skip
                 with ui.row():
@@ -129,7 +128,7 @@ class SearchPanel:
         options["series"][1]["data"] = [[x, point.result.mean] for x, point in first if not point.lack]
         options["xAxis"]["name"], options["yAxis"]["name"] = "".join(found.keys[:1]), found.goal
         self._plot.update()
-        self._points.columns = _columns(*found.keys, found.goal)
+        self._points.columns = columns(*found.keys, found.goal)
         self._points.update_rows(
             [dict(zip((*found.keys, found.goal), point.words(), strict=True)) for point in found.points]
         )
@@ -143,7 +142,3 @@ class SearchPanel:
         scene = free_name(f"{name}-best", project.scenes())
         project.write_scene(scene, searches.best_scene(project, name))
         ui.notify(f"{scene} is among the scenes")
-
-
-def _columns(*names: str) -> list[dict[str, Any]]:
-    return [{"name": name, "label": name, "field": name, "align": "left"} for name in names]

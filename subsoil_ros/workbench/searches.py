@@ -67,10 +67,7 @@ def ask_for(
     folder = folder_of(project, name)
     if folder.exists():
         raise InputError(f"{name}: there is a search of this name; choose another")
-    asked = jobs.keep_scene(project, name, scene)
-    words = ["optimise", str(asked), "--workers", "1", "--out", str(folder)]
-    if not any(line.startswith(b"name:") for line in asked.read_bytes().splitlines()):
-        words += ["--set", f"name='{scene}'"]
+    words = ["optimise", *jobs.keep_scene(project, name, scene), "--workers", "1", "--out", str(folder)]
     for key, low, high in ranges:
         words += ["--vary", f"{key}={low},{high}"]
     for option, value in options.items():

@@ -10,7 +10,7 @@ from ..loading.files import config_folder, shipped_names
 from ..loading.material_file import read_laboratory_soil
 from ..yaml_document import dump_yaml
 from . import jobs
-from .notes import tell
+from .notes import columns, tell
 from .project import MATERIAL, Project, checked, write
 
 
@@ -67,15 +67,9 @@ class SoilPanel:
                     {"soil": name} | {key: f"{soil[key] * VALUES[key].unit:g}" for key in VALUES}
                     for name, soil in shipped.items()
                 ]
-                fields = {"soil": "shipped"} | {key: value.label for key, value in VALUES.items()}
             with ui.column().classes("grow gap-1"):
-                ui.table(
-                    columns=[
-                        {"name": key, "label": label, "field": key, "align": "left"}
-                        for key, label in fields.items()
-                    ],
-                    rows=rows,
-                ).props("dense")
+                labels = {key: value.label for key, value in VALUES.items()}
+                ui.table(columns=columns(soil="shipped", **labels), rows=rows).props("dense")
                 with ui.row().classes("items-center"):
                     self._jobs = ui.select([], label="Calibration", on_change=self.refresh).classes("w-48")
                     self._stop = ui.button("Stop", on_click=lambda: self._do(jobs.stop)).props("outline")

@@ -196,7 +196,7 @@ def _find_contacts(row, p, reach, near, facets, out):
             if distance == 0.0 or not _is_nearest(p, (dx, dy, dz), distance, facets, m, kind):
                 continue
             nx, ny, nz = dx / distance, dy / distance, dz / distance
-        if distance >= reach - setback:  # less than nothing behind the face, where a contact goes on
+        if distance >= reach - setback:  # negative behind the face: contacts go on there to the full reach
             continue
         slot, best = -1, _SAME_NORMAL
         for s in range(CONTACTS):

@@ -115,7 +115,7 @@ def test_without_a_request_nothing_is_found(project: Project, request_text: str)
 
 def test_the_best_is_the_kept_scene_with_its_values(project: Project) -> None:
     """Also where it gives the soil by its name, and after the scene was changed."""
-    kept = jobs.keep_scene(project, "first", "blade")
+    kept = Path(jobs.keep_scene(project, "first", "blade")[0])
     folder = searches.folder_of(project, "first")
     folder.mkdir(parents=True)
     best = {

@@ -168,6 +168,8 @@ def start_due(project: Project) -> None:
     for name in waiting[: max(0, (os.cpu_count() or 1) - running)]:
         asked = _asked(project, name)
         _keep(project, name, asked | {"pid": 0})  # never started twice, whatever happens here
+        if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # begun by `&`; a job would ignore it too
+            signal.signal(signal.SIGINT, signal.default_int_handler)
         with (project.runs / f"{name}.log").open("wb") as said:
             process = subprocess.Popen(
                 [*COMMAND, *asked["words"]],

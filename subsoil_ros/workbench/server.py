@@ -1,7 +1,6 @@
 """The server of the workbench: this machine alone, or with a token others too."""
 
 import secrets
-import signal
 from pathlib import Path
 from urllib.parse import parse_qs
 
@@ -58,9 +57,6 @@ def serve(folder: Path, host: str, port: int) -> None:
         InputError: another workbench serves the project.
     """
     project = Project(folder)
-    signal.signal(
-        signal.SIGINT, signal.default_int_handler
-    )  # jobs are stopped by it: `&` would let it be ignored
     with jobs.claim(project):
         build(project)
         _listen(project, host, port)

@@ -24,7 +24,6 @@ from .analysis.spectra import SLOWEST, Spectrum
 from .analysis.summary import KnownMean, Number, Summary, flattened, path_of
 from .limits.soil_at_work import speed_and_depth
 from .loading.loader import ResolvedScene
-from .loading.presets import LOWERED
 from .loading.reference import Reference, ReferenceValue
 from .scene.scene import Scene
 from .scene.tool_mesh import load_tool_mesh
@@ -122,13 +121,11 @@ class Result:
 def results_of(summary: Summary, resolved: ResolvedScene) -> list[Result]:
     """The results that a run has; forces and moments are those of the soil on a tillage tool."""
     scene = resolved.scene
-    lowered = scene.particle_soil is not None and scene.particle_soil.surface is not None
-    doubt = f" (wrong with preset {resolved.preset})" if lowered and resolved.preset in LOWERED else ""
     tools = [name for name, tool in scene.tools.items() if tool.is_tillage]
     columns = {"draft": DRAFT}
     for name in tools:
         load, of = Wrench(name), f" on {name}" if len(tools) > 1 else ""
-        columns[f"vertical force{of}, up +{doubt}"] = load.force_z_newton
+        columns[f"vertical force{of}, up +"] = load.force_z_newton
         columns[f"side force{of}, to the left +"] = load.force_y_newton
         columns[f"moment{of} about y"] = load.torque_y_newton_m
     columns["spring force, compression +"] = spring_element(scene.report.spring).load

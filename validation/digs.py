@@ -1,7 +1,7 @@
 """The terrain model against particles: a bucket penetrates, drags, curls and lifts.
 
     python -m validation.digs [--soils SOIL ...] [--digs A B C] [--cell-mm MM] [--tick-ms MS]
-    python -m validation.digs --radius-mm R    # particles, five minutes a dig at 10 mm
+    python -m validation.digs --radius-mm R [--setback-mm S]    # particles, five minutes a dig at 10 mm
 
 The bucket of examples/bucket_arm, 0.2 m wide, takes soil along prescribed ways. The first command digs in
 terrains and prints their mean forces beside those of particles of 10 mm, from validation/studies/digs.csv.
@@ -70,7 +70,9 @@ def poses(dig: str) -> dict[str, list[object]]:
     }
 
 
-def scene_of(dig: str, soil: dict[str, object], tick_ms: float | None = None) -> ResolvedScene:
+def scene_of(
+    dig: str, soil: dict[str, object], tick_ms: float | None = None, setback_m: float = 0.0
+) -> ResolvedScene:
     """A dig in a soil."""
     step = {} if tick_ms is None else {"coupling": {"communication_step_ns": round(1e6 * tick_ms)}}
     return load_scene(
@@ -79,7 +81,13 @@ def scene_of(dig: str, soil: dict[str, object], tick_ms: float | None = None) ->
             **step,
             "duration_s": DIGS[dig][-1][0],
             "soil": {"bin": BIN, **soil},
-            "tools": {"bucket": {"path": {"poses": poses(dig)}, "groups": {"bucket": {"mesh": str(MESH)}}}},
+            "tools": {
+                "bucket": {
+                    "path": {"poses": poses(dig)},
+                    "groups": {"bucket": {"mesh": str(MESH)}},
+                    "setback_m": setback_m,
+                }
+            },
         }
     )
 
@@ -145,6 +153,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--cell-mm", type=float, default=10.0)
     parser.add_argument("--tick-ms", type=float, help="communication step; 1 ms unless given")
     parser.add_argument("--radius-mm", type=float)
+    parser.add_argument("--setback-mm", type=float, default=0.0, help="of the bucket, with particles")
     args = parser.parse_args(arguments)
     stored = of_particles()
     if args.radius_mm is None:
@@ -153,7 +162,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for dig in args.digs:
             if args.radius_mm is not None:
                 radius_m = 1e-3 * args.radius_mm
-                rows = dug(scene_of(dig, {"material": soil, "particles": {"radius_m": radius_m}}))
+                particles = {"material": soil, "particles": {"radius_m": radius_m}}
+                rows = dug(scene_of(dig, particles, setback_m=1e-3 * args.setback_mm))
                 for phase, forces in zip(PHASES, phase_means(rows, dig).tolist(), strict=True):
                     print(soil, dig, phase, *(f"{force:.6g}" for force in forces), sep=",", flush=True)
             elif (soil, dig) in stored:

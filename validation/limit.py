@@ -1,13 +1,16 @@
 """The limit of small particles: mean forces on a tine by radius, and what they tend to.
 
-    python -m validation.limit RUN RUN RUN [...] [--from-s 0.7] [--to-s 2.7]
+    python -m validation.limit RUN RUN RUN [...] [--from-s 0.7] [--to-s 2.7] [--study CSV]
 
 RUN: result folders of one scene with particles of three radii or more. Means and deviations of 20 ms means
 over a time that all runs have, with 95 % intervals from each record; the scatter from bed to bed is not in
-them. Two extrapolations to r = 0, by least squares: order one, a + b r, and a + b r^p with p fitted.
+them. Two extrapolations to r = 0, by least squares: order one, a + b r, and a + b r^p with p fitted. --study:
+errors of the presets of a study, by its table, against the first, as config/presets/ quotes them.
 """
 
 import argparse
+import csv
+import math
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -51,12 +54,27 @@ def limits(radii_m: Array, means: Array, halves: Array) -> Iterator[tuple[str, f
         yield f"a + b r^{found[2]:.2f}", found[0], NORMAL_95 * float(np.sqrt(spread[0, 0]))
 
 
+def errors_of(
+    row: dict[str, str], draft: tuple[float, float], vertical: tuple[float, float]
+) -> Iterator[tuple[str, float, float]]:
+    """Name, error and half-width of a preset's means against limits, each a value and its half-width [N].
+
+    Both errors are parts of the limit of the draft.
+    """
+    for name, (limit, half) in {"draft_mean_newton": draft, "vertical_mean_newton": vertical}.items():
+        mean, high = float(row[name]), float(row[f"{name}_high"])
+        # of a ratio to the draft the limit's own interval counts as often as the mean is larger
+        weight = mean / limit if limit is draft[0] else 1.0
+        yield name, (mean - limit) / draft[0], math.hypot(high - mean, weight * half) / draft[0]
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Prints a table and the extrapolations."""
     parser = argparse.ArgumentParser(prog="python -m validation.limit")
     parser.add_argument("runs", nargs="+", type=Path)
     parser.add_argument("--from-s", type=float, default=0.7)
     parser.add_argument("--to-s", type=float, default=2.7)
+    parser.add_argument("--study", type=Path)
     args = parser.parse_args(arguments)
     if len(args.runs) < 3:
         parser.error(f"RUN: {len(args.runs)} given; an extrapolation needs three radii or more")
@@ -68,14 +86,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
         radii.append(soil.particles.mean_volume_radius_m)
     order = np.argsort(radii)[::-1]
     radii_m = np.array(radii)[order]
+    straight = []
     for name, column in (("draft", "draft_newton"), ("vertical force, up", "tool.tine.force_z_newton")):
         rows = [means_of(args.runs[k], column, args.from_s, args.to_s) for k in order]
         mean, half, deviation = np.array(rows).T
         print(f"{name}:")
         for radius, *row in zip(radii_m, mean, half, deviation, strict=True):
             print(f"  r = {1e3 * radius:.3g} mm: {row[0]:.0f} +- {row[1]:.0f} N, deviation {row[2]:.0f} N")
-        for form, value, width in limits(radii_m, mean, half):
+        found = list(limits(radii_m, mean, half))
+        straight.append(found[0][1:])
+        for form, value, width in found:
             print(f"  limit by {form}: {value:.0f} +- {width:.0f} N")
+    if args.study is not None:
+        with args.study.open(newline="") as table:
+            presets = [row for row in csv.DictReader(table) if ":" not in row["preset"]]
+        for row in presets:
+            for name, error, width in errors_of(row, *straight):
+                ends = f"mean {error:.4f}, low {error - width:.4f}, high {error + width:.4f}"
+                print(f"{row['preset']}, {name}: {ends}")
     return 0
 
 

@@ -1,7 +1,7 @@
 """Flat blades that stand out of the surface of a field, against the closed forms of narrow tines.
 
     python -m validation.narrow_blade [--rakes 45 60 90] [--widths-mm 40 80] [--depths-mm 100 140 200]
-        [--noses-mm 0] [--speeds 0.5] [--radius-mm 10] [--soil loam] [--seeds 1] [--depths 6] [--processes 2]
+        [--noses-mm 0] [--speeds 0.5] [--radius-mm 10] [--setback-mm 0] [--soil loam] [--seeds 1] [--depths 6] [--processes 2]
         [--json FILE]
 
 Cohesion, friction angle and density are those that the element tests of the material found; the friction on
@@ -152,6 +152,7 @@ def pulled(
     depths: float = DEPTHS,
     first_m: float | None = None,
     above_m: float = 0.15,
+    setback_m: float = 0.0,
 ) -> Pull:
     """A blade through a field of soil.
 
@@ -169,7 +170,7 @@ def pulled(
     parts = {"material": soil, "bin": box, "window": {}, "particles": particles, "bed": bed}
     with tempfile.TemporaryDirectory() as folder:
         mesh = blade_mesh(Path(folder), blade, nose_m, above_m)
-        tools = {"blade": {"path": {}, "groups": {"blade": {"mesh": mesh}}}}
+        tools = {"blade": {"path": {}, "groups": {"blade": {"mesh": mesh}}, "setback_m": setback_m}}
         document = {"name": "blade", "duration_s": 1.0, "tools": tools, "soil": parts}
         scene = Laboratory(Path(folder)).resolve(document)
         engine = build_engine(scene)
@@ -221,9 +222,12 @@ def compare(args: argparse.Namespace) -> Iterator[Row]:
         )
     ]
     with ProcessPoolExecutor(args.processes) as pool:
-        radius = 1e-3 * args.radius_mm
+        radius, back = 1e-3 * args.radius_mm, 1e-3 * args.setback_mm
         jobs = [
-            [pool.submit(pulled, args.soil, radius, *blade, seed, args.depths) for seed in args.seeds]
+            [
+                pool.submit(pulled, args.soil, radius, *blade, seed, args.depths, setback_m=back)
+                for seed in args.seeds
+            ]
             for blade in blades
         ]
         for (blade, nose), job in zip(blades, jobs, strict=True):
@@ -334,6 +338,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--noses-mm", nargs="+", type=float, default=[0.0])
     parser.add_argument("--speeds", nargs="+", type=float, default=[0.5])
     parser.add_argument("--radius-mm", type=float, default=10.0)
+    parser.add_argument("--setback-mm", type=float, default=0.0)
     parser.add_argument("--soil", default="loam")
     parser.add_argument("--seeds", nargs="+", type=int, default=[1])
     parser.add_argument("--depths", type=float, default=DEPTHS, help="travel over the depth")

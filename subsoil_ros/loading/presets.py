@@ -61,18 +61,12 @@ IN_DEPTH = {"fine": 10.0, "standard": 20.0 / 3.0, "coarse": 5.0}
 """Particle diameters in the depth of the tools, by preset. With ten, drafts are within 10 % of those at two
 thirds of the radius (validation/blades.md); the others: validation/trade.md."""
 
-DIAMETERS_DEEPER = 1.0
-"""Extra depth in particle diameters: in loam the draft is that of a tool deeper by this much
-(validation/trade.md)."""
+SET_BACK = ("standard", "coarse")
+"""Presets whose tools are set back by what their particles are larger than those of `fine`: the centres of
+both come as near to the surface (validation/limit.md#setback)."""
 
-LOWERED = ("standard", "coarse")
-"""Presets that lower the surface."""
-
-LEVEL = (
-    "measured under a lowered surface; here it is not lowered, as a wheel rolls on the particles, and the "
-    "mean draft is higher"
-)
-"""Note to the errors of a scene with a wheel."""
+FURTHEST_BACK = 0.75
+"""Of the smallest radius: the largest setback that was compared with smaller particles."""
 
 WALLED = (
     "measured in a field with held sides; in a bin with walls drafts differ, the more the nearer the walls "
@@ -142,10 +136,6 @@ def measured_presets(material_file: str | None, scene: Scene) -> dict[str, Prese
     path = _beside(material_file, "presets", "")
     document = read_document(path, str(path)) if path is not None else {}
     found = {name: read_preset(document.get(name, {}), f"{path}: {name}") for name in OF_MATERIALS}
-    for name in LOWERED if has_wheel(scene) else ():
-        expected = found[name].expected
-        if expected is not None:
-            expected.notes.append(LEVEL)
     soil = scene.particle_soil
     if soil is not None and soil.bin.sides == "walls":
         for preset in found.values():
@@ -165,7 +155,7 @@ def preset_changes(
 ) -> Document:
     """The changes that a preset makes in a scene, which is given without preset.
 
-    sized: an override gives the particles of the scene; the surface then follows from their size.
+    sized: an override gives the particles of the scene; the setback then follows from their size.
 
     Raises:
         SceneError: the preset needs a tool in the soil, or a wedge model that does not exist.
@@ -206,19 +196,12 @@ def preset_changes(
         low, high = material.radii_m
         return min(max(round(wanted, 4), low), high)
 
-    particles: Document = {"particles": {"radius_m": radius_of(name)}}
-    radius = 0.5 * sum(soil.particles.bounds_m) if sized else radius_of(name)
-    lower = round(2.0 * DIAMETERS_DEEPER * max(0.0, radius - radius_of("fine")), 4)
-    if name not in LOWERED or lower == 0.0 or has_wheel(scene):  # the wheel would sink with the surface
-        return {"soil": particles}
-    x_m, z_m = ((0.0,), (0.0,)) if soil.surface is None else (soil.surface.x_m, soil.surface.z_m)
-    surface = {"x_m": list(x_m), "z_m": [round(z - lower, 6) for z in z_m]}
-    return {"soil": particles | {"surface": surface}}
-
-
-def has_wheel(scene: Scene) -> bool:
-    """Whether a wheel rolls on the particles."""
-    return len(_tillage(scene)) < len(scene.tools)
+    changes = {"soil": {"particles": {"radius_m": radius_of(name)}}}
+    low, high = soil.particles.bounds_m if sized else (radius_of(name), radius_of(name))
+    setback_m = round(min(0.5 * (low + high) - radius_of("fine"), FURTHEST_BACK * low), 4)
+    if name not in SET_BACK or setback_m <= 0.0:
+        return changes
+    return changes | {"tools": {tool: {"setback_m": setback_m} for tool in _tillage(scene)}}
 
 
 def _tillage(scene: Scene) -> list[str]:

@@ -28,8 +28,8 @@ LARGEST_BYTES = 8 << 30
 COLUMNS = 84
 """Of the words of a command on the page."""
 
-ROOM = asyncio.Semaphore(2)
-"""For pieces of work at once."""
+ROOM, DRAWING_ROOM = asyncio.Semaphore(2), asyncio.Semaphore(1)
+"""For pieces of work at once, and for reports and comparisons, which take longer."""
 
 MOST_FAULTS = 200
 """Of a mesh that are drawn."""
@@ -59,9 +59,9 @@ async def ask(work: str, subject: Path) -> dict[str, Any]:
     return answer
 
 
-async def said(*words: str, longest_s: float) -> tuple[int, str, str]:
-    """Exit status, output and errors of a command, limited in time and memory; two at once, others wait."""
-    async with ROOM:
+async def said(*words: str, longest_s: float, room: asyncio.Semaphore = ROOM) -> tuple[int, str, str]:
+    """Exit status, output and errors of a command, limited in time and memory; it waits for room."""
+    async with room:
         process = await asyncio.create_subprocess_exec(
             *words, stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.PIPE, env=os.environ | {"COLUMNS": str(COLUMNS)},

@@ -8,7 +8,7 @@ from nicegui import background_tasks, ui
 from nicegui.element import Element
 
 from . import jobs
-from .asides import COMMAND, ask, said, watched
+from .asides import COMMAND, DRAWING_ROOM, ask, said, watched
 from .notes import FILES, SOIL, columns, tell
 from .project import Project, free_name
 
@@ -206,7 +206,7 @@ class RunsPanel:
         self._chosen()
         self._detail.set_text(f"subsoil {words[0]} is at work ...")
         try:
-            status, out, err = await said(*COMMAND, *words, longest_s=DRAW_S)
+            status, out, err = await said(*COMMAND, *words, longest_s=DRAW_S, room=DRAWING_ROOM)
         finally:
             self._writes = False
         self._chosen()

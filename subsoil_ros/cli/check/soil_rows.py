@@ -10,7 +10,6 @@ from rich.console import Console
 
 from ...errors import InputError
 from ...loading.loader import ResolvedScene
-from ...loading.presets import LOWERED
 from ...loading.soil_file import soil_of
 from ...scene.bed_kinds import GridBed, SavedBed, TiledBed
 from ...scene.material import Material
@@ -114,7 +113,7 @@ def particle_rows(resolved: ResolvedScene, soil: Soil, count: int) -> Iterable[t
         else:
             kept = bed_path(resolved)
             when = f"kept in {kept}" if kept.is_file() else "prepared when it is first used, in minutes"
-            yield "bed", f"{_random_bed(soil, resolved.preset)}, seed {soil.bed.seed}; {when}"
+            yield "bed", f"{_random_bed(soil)}, seed {soil.bed.seed}; {when}"
         size = soil.bin
         fitted = "walls" if size.sides == "walls" else "ends and period in y"
         if isinstance(soil.bed, TiledBed):
@@ -151,11 +150,9 @@ def _window(resolved: ResolvedScene, soil: Soil, window: SoilWindow) -> str:
     return f"{text}; a cut as deep as the bed fails {rupture:.3g} m ahead at {angle:g} degrees"
 
 
-def _random_bed(soil: Soil, preset: str | None) -> str:
+def _random_bed(soil: Soil) -> str:
     heights = () if soil.surface is None else sorted({min(soil.surface.z_m), max(soil.surface.z_m)})
     surface = "" if not heights else f", surface at z = {' to '.join(f'{z:g}' for z in heights)} m"
-    if surface and preset in LOWERED:
-        surface += ", lowered by the preset, as large particles draw like deeper soil"
     if not isinstance(soil.bed, TiledBed):
         return f"dense random{surface}"
     from ...dem.packing.bed_geometry import sample_edge_m

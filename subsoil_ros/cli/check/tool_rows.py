@@ -36,6 +36,8 @@ def _rows(resolved: ResolvedScene, name: str, tool: Tool, mesh: ToolMesh) -> Ite
         yield "works", ", ".join(told)
         x, z = shape.tip_m
         yield "tip", f"x = {x:.4g} m, z = {z:.4g} m in the axes of the {'body' if tool.body else 'mesh'}"
+    if tool.setback_m > 0.0:
+        yield "set back", f"{1e3 * tool.setback_m:g} mm: particles reach so far into it before they touch it"
     if tool.density_kg_per_m3 is not None:
         found = tool_mass(mesh, tool.density_kg_per_m3)
         cx, cy, cz = found.centre_m

@@ -40,41 +40,32 @@ def test_size_follows_from_depth_and_width_of_the_tools(scene, preset, radius):
     assert found.preset == preset
 
 
-@pytest.mark.parametrize(("preset", "lower_mm"), [("fine", 0.0), ("standard", 10.0), ("coarse", 20.0)])
-def test_larger_particles_lie_lower_by_the_difference_of_diameters(preset, lower_mm, tmp_path):
-    """Depth of the tool and diameter together are those of `fine`; a surface given in the scene is moved as a
-    whole."""
-    found = load_scene("field_tine", {"preset": preset}).scene.particle_soil
-    heights = (0.0,) if found.surface is None else found.surface.z_m
-    assert heights == pytest.approx([-1e-3 * lower_mm])
-    file = tmp_path / "scene.yaml"
-    ridge = {"surface": {"x_m": [0.0, 1.0], "z_m": [0.0, -0.01]}}
-    file.write_text(
-        yaml.safe_dump({"base": str(load_scene("field_tine").path), "name": "own", "soil": ridge})
-    )
-    found = load_scene(file, {"preset": preset}).scene.particle_soil
-    assert found.surface.x_m == (0.0, 1.0)
-    assert found.surface.z_m == pytest.approx([-1e-3 * lower_mm, -0.01 - 1e-3 * lower_mm])
+def setback_mm(resolved: ResolvedScene) -> float:
+    return 1e3 * resolved.scene.tools["tine"].setback_m
 
 
-def test_the_surface_follows_a_radius_that_is_set():
-    """14 mm is 4 mm more than `fine` has; with 9 mm the surface stays, and that of `fine` always does."""
-    for preset, radius, heights in (
-        ("coarse", 0.014, (-0.008,)),
-        ("coarse", 0.009, None),
-        ("fine", 0.014, None),
-    ):
-        found = load_scene("field_tine", {"preset": preset, "soil.particles.radius_m": radius})
-        surface = found.scene.particle_soil.surface
-        assert (None if surface is None else surface.z_m) == heights
-
-
-def test_only_what_gives_a_size_counts_as_one():
-    """A seed keeps the size of the preset, and its surface; a size counts by whatever key it comes."""
-    other = load_scene("field_tine", {"preset": "coarse", "soil.particles.sizes.seed": 3})
-    assert other.scene.particle_soil.surface.z_m == (-0.02,)
-    found = load_scene("field_tine", {"preset": "coarse", "soil": {"particles": {"radius_m": 0.015}}})
-    assert found.scene.particle_soil.surface.z_m == (-0.01,)
+@pytest.mark.parametrize(
+    ("preset", "changes", "expected"),
+    [
+        ("fine", {}, 0.0),
+        ("standard", {}, 5.0),
+        ("coarse", {}, 10.0),
+        # a radius that is set counts: 14 mm is 4 mm more than `fine` has
+        ("coarse", {"soil.particles.radius_m": 0.014}, 4.0),
+        ("coarse", {"soil": {"particles": {"radius_m": 0.015}}}, 5.0),
+        ("coarse", {"soil.particles.radius_m": 0.009}, 0.0),
+        ("fine", {"soil.particles.radius_m": 0.014}, 0.0),
+        # a seed is no size
+        ("coarse", {"soil.particles.sizes.seed": 3}, 10.0),
+        # no more than three quarters of the smallest radius, 12.75 mm
+        ("coarse", {"soil.particles.radius_m": 0.015, "tools.tine.path.start_z_m": 0.27}, 9.6),
+    ],
+)
+def test_tools_are_set_back_by_what_the_particles_are_larger(preset, changes, expected):
+    """Centres of particles keep the distance from the tool that those of `fine` have."""
+    found = load_scene("field_tine", {"preset": preset, **changes})
+    assert setback_mm(found) == pytest.approx(expected)
+    assert found.scene.particle_soil.surface is None
 
 
 def test_depth_is_below_the_surface_of_the_scene():
@@ -122,8 +113,8 @@ def test_a_preset_that_does_not_fit_says_why(changes, words):
         load_scene("field_tine", changes)
 
 
-def test_a_wheel_keeps_its_ground(tmp_path):
-    """With a lower surface it would sink, and the machine with it."""
+def test_a_wheel_is_not_set_back(tmp_path):
+    """It would sink."""
     base = load_scene("field_tine")
     tine = base.scene.tools["tine"]
     path = {"start_x_m": -0.17, "start_z_m": 0.30, "speed_x_m_per_s": {"kind": "constant", "value": 0.5}}
@@ -132,10 +123,8 @@ def test_a_wheel_keeps_its_ground(tmp_path):
     file.write_text(yaml.safe_dump({"base": str(base.path), "name": "own", "tools": {"wheel": wheel}}))
     found = load_scene(file, {"preset": "coarse"})
     assert radius_mm(found) == pytest.approx(20.0)
-    assert found.scene.particle_soil.surface is None
-    expected = found.presets["coarse"].expected
-    assert expected is not None
-    assert "it is not lowered" in expected.notes[-1]
+    assert setback_mm(found) == pytest.approx(10.0)
+    assert found.scene.tools["wheel"].setback_m == 0.0
 
 
 def test_depth_is_that_of_the_scene_as_changed():

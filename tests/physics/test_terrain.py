@@ -146,13 +146,15 @@ def test_pressures_have_closed_limits() -> None:
 
 
 def test_a_blade_meets_the_force_of_the_wedge_before_it(dig) -> None:
-    """McKyes and Ali's, before a heap has grown: 4 mm after it begins to move."""
+    """McKyes and Ali's, before a heap has grown: 4 mm after it begins to move. The wedge rises along the
+    blade, so its force has the friction angle to the normal, upwards."""
     blade = trimesh.creation.box((0.02, 0.3, 0.4))
     path = {"start_x_m": 0.503, "start_z_m": 0.1, "speed_x_m_per_s": {"kind": "constant", "value": 0.05}}
     _, wrenches, _ = dig(blade, path, 16, cell_m=0.01)
     soil = Strength(GAMMA, GAMMA / 9.81, 0.0, 0.55, 0.0, 0.35, 0.0, 1.0)
     expected = failure(Plate(0.3, 0.5 * math.pi, 0.1, 0.1), soil, 0.05).force * math.cos(0.35)
     assert -wrenches[-1].force_x_newton == pytest.approx(expected, rel=0.15)
+    assert wrenches[-1].force_z_newton == pytest.approx(expected * math.tan(0.35), rel=0.15)
     assert abs(wrenches[-1].force_y_newton) < 1e-9 * expected
 
 

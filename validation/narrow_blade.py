@@ -1,8 +1,8 @@
 """Flat blades that stand out of the surface of a field, against the closed forms of narrow tines.
 
     python -m validation.narrow_blade [--rakes 45 60 90] [--widths-mm 40 80] [--depths-mm 100 140 200]
-        [--noses-mm 0] [--speeds 0.5] [--radius-mm 10] [--setback-mm 0] [--soil loam] [--seeds 1] [--depths 6] [--processes 2]
-        [--json FILE]
+        [--noses-mm 0] [--speeds 0.5] [--radius-mm 10] [--setback-mm 0] [--soil loam] [--seeds 1]
+        [--depths 6] [--processes 2] [--json FILE]
 
 Cohesion, friction angle and density are those that the element tests of the material found; the friction on
 metal is that of its law, a blade on which spheres slide. Blades go through a soil.window, its held

@@ -41,10 +41,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--colour",
-        choices=("speed", "displacement", "broken"),
-        default="speed",
-        help="of the particles; displacement is from the first recorded moment, broken the part of a "
-        "particle's bonds that broke (default: speed)",
+        choices=("speed", "displacement", "height", "broken"),
+        help="of the particles; displacement is from the first recorded moment, height above z = 0, broken "
+        "the part of a particle's bonds that broke (default: speed; of a terrain height, its only one)",
     )
     parser.add_argument(
         "--range",
@@ -52,7 +51,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         nargs=2,
         metavar=("LOW", "HIGH"),
-        help="of the colours (default: 0 to the speed of the tools, 0 to 5 particle diameters, 0 to 1)",
+        help="of the colours (default: 0 to the speed of the tools, 0 to 5 particle diameters, the depth of "
+        "the tools below and above z = 0, 0 to 1)",
     )
     parser.add_argument(
         "--size",
@@ -84,6 +84,10 @@ def run(args: argparse.Namespace) -> int:
         soil = recorded.resolved.scene.particle_soil
         if args.colour == "broken" and (soil is None or soil.bonds is None):
             raise InputError(f"--colour broken: the soil of {args.record} has no bonds; leave it out")
+        usual = "speed" if recorded.resolved.scene.terrain_soil is None else "height"
+        if usual == "height" and args.colour not in (None, usual):
+            raise InputError(f"--colour {args.colour}: {args.record} has a terrain; leave it out")
+        args.colour = args.colour or usual
         return _render(args, recorded)
 
 

@@ -27,6 +27,9 @@ from .soil_cut import SPEED_SCALE_M_PER_S
 DISPLACEMENT_SCALE_DIAMETERS = 5.0
 """Upper end of the colours of displacement: that of soil which a tool has carried along."""
 
+HEIGHT_SCALE_M = 0.1
+"""End of the colours of height where no tool is in the soil at its start."""
+
 _HEADROOM_M = 0.45  # height shown above the bed, with shank and wheels
 _TUBE_M = 0.012  # radius of the lines of the machine, for appearance only
 _FAR_M = 20.0  # distance of a camera without perspective from its focal point
@@ -40,24 +43,27 @@ _SMALLEST_FONT = 6  # points, still readable
 class Style:
     """Colours, limits and size of pictures."""
 
-    colour: str  # "speed" [m/s], "displacement" [m] or "broken", part of the bonds
+    colour: str  # "speed" [m/s], "displacement" [m], "height" [m] or "broken", part of the bonds
     limits: tuple[float, float]  # of the colours
     size: tuple[int, int]  # of the picture, pixels
 
 
 def default_limits(resolved: ResolvedScene, colour: str) -> tuple[float, float]:
-    """Colour limits: speed up to that of the tools [m/s]; displacement up to some diameters [m]; part of the
-    bonds from 0 to 1."""
+    """Colour limits: speed up to that of the tools [m/s]; displacement up to some diameters, height from the
+    depth of the tools below z = 0 to as much above [m]; part of the bonds from 0 to 1."""
     soil = resolved.scene.particle_soil
     if colour == "broken":
         return 0.0, 1.0
-    if colour == "speed" or soil is None:
-        speeds = [
-            speed_and_depth(resolved.scene, name, load_tool_mesh(resolved.directory, resolved.scene, name))[0]
+    if colour in ("speed", "height") or soil is None:
+        found = [
+            speed_and_depth(resolved.scene, name, load_tool_mesh(resolved.directory, resolved.scene, name))
             for name, tool in resolved.scene.tools.items()
             if tool.is_tillage
         ]
-        return 0.0, max(speeds, default=0.0) or SPEED_SCALE_M_PER_S[1]
+        speed, depth = np.max([(0.0, 0.0), *found], axis=0).tolist()
+        if colour == "height":
+            return -(depth or HEIGHT_SCALE_M), depth or HEIGHT_SCALE_M
+        return 0.0, speed or SPEED_SCALE_M_PER_S[1]
     return 0.0, DISPLACEMENT_SCALE_DIAMETERS * 2.0 * soil.particles.mean_volume_radius_m
 
 
@@ -101,6 +107,7 @@ class Renderer:
         title, values = {
             "speed": ("speed\n[m/s]", frame.speeds_m_per_s),
             "displacement": ("displacement\n[m]", frame.displacements_m),
+            "height": ("height\n[m]", frame.positions_m[:, 2] + frame.radii_m),
             "broken": ("broken\nbonds", frame.broken_parts),
         }[self._style.colour]
         bar = {
@@ -313,8 +320,7 @@ def write_vtk_series(
 
 def _meshes(resolved: ResolvedScene, shapes: Shapes, frame: Frame) -> dict[str, pyvista.PolyData]:
     found: dict[str, pyvista.PolyData] = {}
-    soil = resolved.scene.particle_soil
-    if soil is not None and len(frame.positions_m):
+    if len(frame.positions_m):
         cloud = pyvista.PolyData(frame.positions_m)
         cloud.point_data["speed_m_per_s"] = frame.speeds_m_per_s
         cloud.point_data["displacement_m"] = frame.displacements_m

@@ -60,8 +60,11 @@ class Snapshots:
         """Yield the moments at `times_ns`, in order of time."""
         wanted = sorted(set(times_ns))
         tools, states, state_at = self._machine(wanted)
-        soil = self._resolved.scene.particle_soil
-        radius = 0.0 if soil is None else soil.particles.mean_volume_radius_m
+        soil, terrain, radius = self._resolved.scene.particle_soil, self._resolved.scene.terrain_soil, 0.0
+        if soil is not None:
+            radius = soil.particles.mean_volume_radius_m
+        elif terrain is not None:
+            radius = 0.5 * terrain.cell_m
         for time_ns, cloud, displacements in self._clouds(wanted):
             count = len(np.asarray(cloud.positions_m))
             radii = np.full(count, radius) if cloud.radii_m is None else cloud.radii_m

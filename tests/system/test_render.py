@@ -160,6 +160,32 @@ def test_bar_of_colours_is_whole(size, colour, resolved):
     assert not right[:, -2:].any()
 
 
+def test_a_terrain_is_coloured_by_height(tmp_path):
+    """Spheres as wide as a cell; those of the trench that a blade has cut are darker than those beside it."""
+    blade = {
+        "path": {"start_x_m": 0.2, "start_z_m": -0.1, "speed_x_m_per_s": {"kind": "constant", "value": 1}}
+    }
+    tool = blade | {"groups": {"blade": {"mesh": str(tmp_path / "blade.stl")}}}
+    pyvista.Box((-0.01, 0.01, -0.15, 0.15, 0.0, 0.4)).triangulate().save(tmp_path / "blade.stl")
+    box = {"length_m": 1.0, "width_m": 0.6, "depth_m": 0.3}
+    soil = {"model": "terrain", "material": "dry_sand", "bin": box, "cell_m": 0.02}
+    scene = {"name": "dug", "duration_s": 0.3, "soil": soil, "tools": {"blade": tool}}
+    (tmp_path / "scene.yaml").write_text(json.dumps(scene | {"record": {"cloud_hz": 10.0}}))
+    verb(run, tmp_path / "scene.yaml", "--out", tmp_path / "run", "--mode", "direct")
+    resolved = load_scene(tmp_path / "run/scene.yaml")
+    frames = Snapshots(tmp_path / "run/bag", resolved)
+    (frame,) = frames.read(frames.times_ns[-1:])
+    assert set(frame.radii_m) == {np.float32(0.01)}
+    limits = default_limits(resolved, "height")
+    assert limits == pytest.approx((-0.1, 0.1))
+    picture = Renderer(resolved, Style("height", limits, SIZE)).draw(frame, "above").astype(int)
+    (up, across), per_m = np.array(SIZE[::-1]) // 2, min(SIZE[1] / 0.6, SIZE[0] / 1.2) / 1.06
+    trench, beside = (picture[up - round(y * per_m), across - round(0.15 * per_m)] for y in (0.05, 0.25))
+    assert trench[1] < beside[1] - 40  # green grows with height
+    with pytest.raises(InputError, match=r"--colour speed: .* has a terrain; leave it out"):
+        verb(render, tmp_path / "run", "--colour", "speed")
+
+
 def test_tool_stands_at_its_pose(recorded, resolved):
     """The tip of the share is where the bag says: grey pixels there, none below or before it."""
     frames = Snapshots(recorded / "bag", resolved)

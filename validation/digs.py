@@ -1,10 +1,12 @@
 """The terrain model against particles: a bucket penetrates, drags, curls and lifts.
 
     python -m validation.digs [--soils SOIL ...] [--digs A B C] [--cell-mm MM] [--tick-ms MS]
+        [--particles CSV]
     python -m validation.digs --radius-mm R [--setback-mm S]    # particles, five minutes a dig at 10 mm
 
 The bucket of examples/bucket_arm, 0.2 m wide, takes soil along prescribed ways. The first command digs in
-terrains and prints their mean forces beside those of particles of 10 mm, from validation/studies/digs.csv.
+terrains and prints their mean forces beside those of particles of 10 mm, from validation/studies/digs.csv; in
+digs_set_back.csv the bucket is set back by 7.5 mm. The second prints rows of such a table.
 The model has no fitted number; validation/terrain.md says what was known when it was made.
 """
 
@@ -126,9 +128,9 @@ JUDGED = (
 """Phase, axis and name of the mean forces that are compared."""
 
 
-def of_particles() -> dict[tuple[str, str], NDArray[np.float64]]:
+def of_particles(table: Path) -> dict[tuple[str, str], NDArray[np.float64]]:
     """Mean forces of particles [N] (phases, 3) by soil and dig."""
-    with TABLE.open(newline="") as file:
+    with table.open(newline="") as file:
         _, *rows = csv.reader(file)
     return {
         key: np.array([row[3:] for row in group], dtype=np.float64)
@@ -152,10 +154,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--digs", nargs="+", default=list(DIGS), choices=DIGS)
     parser.add_argument("--cell-mm", type=float, default=10.0)
     parser.add_argument("--tick-ms", type=float, help="communication step; 1 ms unless given")
+    parser.add_argument("--particles", type=Path, default=TABLE, metavar="CSV")
     parser.add_argument("--radius-mm", type=float)
     parser.add_argument("--setback-mm", type=float, default=0.0, help="of the bucket, with particles")
     args = parser.parse_args(arguments)
-    stored = of_particles()
+    stored = of_particles(args.particles)
     if args.radius_mm is None:
         print("| soil | dig | force | particles N | terrain N | ratio |\n" + "|---" * 6 + "|")
     for soil in args.soils:

@@ -1,8 +1,9 @@
 """How often the workbench draws a moving soil, and what that takes: python -m dev.workbench_soil --minutes 10
 
-First, when the page shows its first words. Then a made-up run adds clouds to its bag, ten a second, and a page
-in headless Chromium looks at it. Every half minute a line: soils drawn and frames of the page a second, heap of the page, memory and processor time of the
-server, of the process that reads the bag, and of the browser. Needs Chromium and chromedriver on PATH.
+First, when the page shows its first words. Then a made-up run adds clouds to its bag, ten a second, and a
+page in headless Chromium looks at it. Every half minute a line: soils drawn and frames of the page a second,
+heap of the page, memory and processor time of the server, of the process that reads the bag, and of the
+browser. Needs Chromium and chromedriver on PATH.
 """
 
 import argparse
@@ -25,7 +26,7 @@ pen.putImageData = (...words) => { counts[0]++; put(...words); };
 const note = () => { counts[1]++; requestAnimationFrame(note); };
 note();
 """
-PAINTED_MS = "return performance.getEntriesByName('first-contentful-paint')[0].startTime"
+PAINTED_MS = "return performance.getEntriesByName('first-contentful-paint')[0]?.startTime ?? NaN"
 FLAGS = "headless=new no-sandbox disable-dev-shm-usage enable-unsafe-swiftshader enable-precise-memory-info"
 KINDS = {" watch ": "watch", " workbench ": "server", "chromium": "browser"}
 """Of processes, by a word of their command."""

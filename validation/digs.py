@@ -158,6 +158,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--radius-mm", type=float)
     parser.add_argument("--setback-mm", type=float, default=0.0, help="of the bucket, with particles")
     args = parser.parse_args(arguments)
+    if args.setback_mm and args.radius_mm is None:
+        parser.error("--setback-mm: is of particles; give --radius-mm as well")
     stored = of_particles(args.particles)
     if args.radius_mm is None:
         print("| soil | dig | force | particles N | terrain N | ratio |\n" + "|---" * 6 + "|")

@@ -5,7 +5,8 @@
 RUN: result folders of one scene with particles of three radii or more. Means and deviations of 20 ms means
 over a time that all runs have, with 95 % intervals from each record; the scatter from bed to bed is not in
 them. Two extrapolations to r = 0, by least squares: order one, a + b r, and a + b r^p with p fitted. --study:
-errors of the presets of a study, by its table, against the first, as config/presets/ quotes them.
+errors of the presets in the table of a study, against the first, as config/presets/ quotes them; `reference`
+is the preset fine.
 """
 
 import argparse
@@ -59,12 +60,11 @@ def errors_of(
 ) -> Iterator[tuple[str, float, float]]:
     """Name, error and half-width of a preset's means against limits, each a value and its half-width [N].
 
-    Both errors are parts of the limit of the draft.
+    Both errors are parts of the limit of the draft, whose own interval widens the first alone.
     """
     for name, (limit, half) in {"draft_mean_newton": draft, "vertical_mean_newton": vertical}.items():
         mean, high = float(row[name]), float(row[f"{name}_high"])
-        # of a ratio to the draft the limit's own interval counts as often as the mean is larger
-        weight = mean / limit if limit is draft[0] else 1.0
+        weight = mean / limit if name == "draft_mean_newton" else 1.0  # of a ratio, of a difference
         yield name, (mean - limit) / draft[0], math.hypot(high - mean, weight * half) / draft[0]
 
 
@@ -99,7 +99,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(f"  limit by {form}: {value:.0f} +- {width:.0f} N")
     if args.study is not None:
         with args.study.open(newline="") as table:
-            presets = [row for row in csv.DictReader(table) if ":" not in row["preset"]]
+            presets = [
+                row for row in csv.DictReader(table) if ":" not in row["preset"] and not row["failure"]
+            ]
         for row in presets:
             for name, error, width in errors_of(row, *straight):
                 ends = f"mean {error:.4f}, low {error - width:.4f}, high {error + width:.4f}"

@@ -57,8 +57,8 @@ def cautions(sides: Sequence[Side]) -> Iterator[str]:
         yield "two fields: their interval is 12.7 times its standard error, that of three 4.3: --seeds 3"
     if {side.first.scene.get("preset") for side in sides} & {"standard", "coarse"}:
         yield (
-            "the presets standard and coarse have no right vertical force: compare it with preset fine. "
-            "Their drafts err by some 5 %, perhaps otherwise for each tool: smaller differences may be theirs"
+            "drafts of the presets standard and coarse err by up to 15 %, vertical forces by up to 9 % of "
+            "the draft, otherwise for each tool and soil: smaller differences may be theirs"
         )
     for side, soil in zip(sides, soils, strict=True):
         yield from _cautions_of(side)

@@ -61,12 +61,9 @@ IN_DEPTH = {"fine": 10.0, "standard": 20.0 / 3.0, "coarse": 5.0}
 """Particle diameters in the depth of the tools, by preset. With ten, drafts are within 10 % of those at two
 thirds of the radius (validation/blades.md); the others: validation/trade.md."""
 
-SET_BACK = ("standard", "coarse")
-"""Presets whose tools are set back by what their particles are larger than those of `fine`: the centres of
-both come as near to the surface (validation/limit.md#setback)."""
-
-FURTHEST_BACK = 0.75
-"""Of the smallest radius: the largest setback that was compared with smaller particles."""
+SET_BACK = {"standard": 1.0 / 3.0, "coarse": 0.5}
+"""Setback of the tools over the radius: particles 1.5 and 2 times as large as those of `fine` then touch a
+tool where those would (validation/trade.md#setback)."""
 
 WALLED = (
     "measured in a field with held sides; in a bin with walls drafts differ, the more the nearer the walls "
@@ -106,7 +103,7 @@ OF_THE_RESULT = ("preset", "soil.time_step_s", "coupling.communication_step_ns",
 def applies_to_particles(key: str, preset: str) -> bool:
     """Whether an override changes the scene that a preset is derived from: keys of the soil that are set
     beside the wedge preset are those of the wedge model."""
-    if key in OF_THE_RESULT:
+    if key in OF_THE_RESULT or key.endswith(".setback_m"):
         return False
     return preset != WEDGE or not key.startswith("soil.") or key == "soil.material"
 
@@ -175,7 +172,10 @@ def preset_changes(
                 f"preset {name}: the wedge model has its surface at z = 0, the scene has soil.surface; "
                 f"remove it from the scene and raise the tools, or choose one of {', '.join(IN_DEPTH)}"
             )
-        changes: Document = {"soil": {"model": "wedge", "file": str(wedge)}}
+        whole = {key: {"setback_m": 0.0} for key, tool in scene.tools.items() if tool.setback_m}
+        changes: Document = {"soil": {"model": "wedge", "file": str(wedge)}} | (
+            {"tools": whole} if whole else {}
+        )
         if scene.mechanism is not None:
             return changes | {"coupling": {"residual_grace_joule": WEDGE_GRACE_JOULE}}
         fastest = max((speed_and_depth(scene, key, meshes[key])[0] for key in _tillage(scene)), default=0.0)
@@ -190,18 +190,14 @@ def preset_changes(
             "surface at the start; set soil.particles.radius_m instead"
         )
     width = min(float(np.ptp(meshes[key].vertices_m[:, 1])) for key in _tillage(scene))
-
-    def radius_of(preset: str) -> float:
-        wanted = 0.5 * min(depth / IN_DEPTH[preset], width / LEAST_ACROSS)
-        low, high = material.radii_m
-        return min(max(round(wanted, 4), low), high)
-
-    changes = {"soil": {"particles": {"radius_m": radius_of(name)}}}
-    low, high = soil.particles.bounds_m if sized else (radius_of(name), radius_of(name))
-    setback_m = round(min(0.5 * (low + high) - radius_of("fine"), FURTHEST_BACK * low), 4)
-    if name not in SET_BACK or setback_m <= 0.0:
-        return changes
-    return changes | {"tools": {tool: {"setback_m": setback_m} for tool in _tillage(scene)}}
+    low, high = material.radii_m
+    radius = min(max(round(0.5 * min(depth / IN_DEPTH[name], width / LEAST_ACROSS), 4), low), high)
+    particles: Document = {"soil": {"particles": {"radius_m": radius}}}
+    if name not in SET_BACK:
+        return particles
+    setback_m = round(SET_BACK[name] * (0.5 * sum(soil.particles.bounds_m) if sized else radius), 5)
+    tools = {tool: {"setback_m": setback_m} for tool in _tillage(scene) if not scene.tools[tool].setback_m}
+    return particles | {"tools": tools}
 
 
 def _tillage(scene: Scene) -> list[str]:

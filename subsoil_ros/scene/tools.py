@@ -235,7 +235,7 @@ class Tool(CadKeys):
     setback_m: NonNegative = Field(
         0.0,
         description="particles reach this far into the surface before they touch it: large ones then act "
-        "on a tool as ones smaller by this do (validation/limit.md).",
+        "on a tool as ones smaller by this do (validation/limit.md). Presets leave one that is given.",
     )
     density_kg_per_m3: Positive | None = Field(
         None,

@@ -33,9 +33,6 @@ LOWEST_RAKE = math.radians(15.0)
 SLOWEST_M_PER_S = 1e-3
 """Speed below which friction goes to zero with it."""
 
-STEEPEST = math.radians(60.0)
-"""Slope to the level at which soil rises before a plate, at most (chosen)."""
-
 LEVEL = 0.17
 """Level part of the normal of a plate up to which it is a footing: 10 degrees."""
 
@@ -214,11 +211,11 @@ def press_plates(shape, surface, pose, strength, soft, interval, felt):
         felt.press_m[number] = pressed
         # its damper makes up for the force that is held over a tick
         part = min(max(pressed + into * interval, 0.0) * soft / limit, 1.0) if limit > 0.0 else 0.0
-        # the wedge before a plate rises along it, the less the more the plate looks down
-        tilt = max(math.atan2(level, normal[2]) - 0.5 * math.pi, 0.0)
-        rising = max(into, 0.0) * math.tan(min(0.25 * math.pi - 0.5 * strength.friction + tilt, STEEPEST))
-        uphill = np.array([-normal[0] * normal[2], -normal[1] * normal[2], level * level])
-        along = velocity - into * normal - rising * level * uphill
+        # the wedge before a plate slides up along it, at the plate's own angle where that looks down
+        tilt = min(math.atan2(level, normal[2]) - 0.5 * math.pi, 0.0)
+        rising = max(into, 0.0) * math.tan(0.25 * math.pi - 0.5 * strength.friction + tilt)
+        uphill = np.array([-normal[0] * normal[2], -normal[1] * normal[2], level * level]) / max(level, 1e-9)
+        along = velocity - into * normal - rising * uphill
         along /= math.sqrt(along @ along) + SLOWEST_M_PER_S
         rest = (1.0 - math.sin(strength.friction)) * strength.unit_weight
         for k in range(first, last):

@@ -126,11 +126,12 @@ class ScenePanel:
         soil = self._fields["soil"]
         if missing := [name for name in self._project.soils() if name not in soil.options]:
             soil.set_options([*missing, *soil.options])
+        text = self._kept
         if self._name:
             with suppress(OSError, UnicodeError):  # deleted, or damaged: the text here remains
                 text = self._project.scene_file(self._name).read_text(encoding="utf-8")
-                if text != self._kept:
-                    self._show(self._name, text)
+        if text != self._kept:
+            self._show(self._name, text)
 
     def _read(self, name: str) -> str | None:
         """The text of a scene; None, and a message, where it cannot be read."""

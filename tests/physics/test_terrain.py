@@ -146,8 +146,8 @@ def test_pressures_have_closed_limits() -> None:
 
 
 def test_a_blade_meets_the_force_of_the_wedge_before_it(dig) -> None:
-    """McKyes and Ali's, before a heap has grown: 4 mm after it begins to move. The wedge rises along the
-    blade, so its force has the friction angle to the normal, upwards."""
+    """McKyes and Ali's, before a heap has grown: 4 mm after it begins to move. The wedge slides up along
+    the blade, so its force has the angle of friction to the normal, upwards."""
     blade = trimesh.creation.box((0.02, 0.3, 0.4))
     path = {"start_x_m": 0.503, "start_z_m": 0.1, "speed_x_m_per_s": {"kind": "constant", "value": 0.05}}
     _, wrenches, _ = dig(blade, path, 16, cell_m=0.01)

@@ -50,19 +50,18 @@ def setback_mm(resolved: ResolvedScene) -> float:
         ("fine", {}, 0.0),
         ("standard", {}, 5.0),
         ("coarse", {}, 10.0),
-        # a radius that is set counts: 14 mm is 4 mm more than `fine` has
-        ("coarse", {"soil.particles.radius_m": 0.014}, 4.0),
-        ("coarse", {"soil": {"particles": {"radius_m": 0.015}}}, 5.0),
-        ("coarse", {"soil.particles.radius_m": 0.009}, 0.0),
+        # a radius that is set counts, by whatever key; a seed is none
+        ("coarse", {"soil.particles.radius_m": 0.014}, 7.0),
+        ("standard", {"soil": {"particles": {"radius_m": 0.018}}}, 6.0),
         ("fine", {"soil.particles.radius_m": 0.014}, 0.0),
-        # a seed is no size
         ("coarse", {"soil.particles.sizes.seed": 3}, 10.0),
-        # no more than three quarters of the smallest radius, 12.75 mm
-        ("coarse", {"soil.particles.radius_m": 0.015, "tools.tine.path.start_z_m": 0.27}, 9.6),
+        # a setback that is set wins, and counts for the particles of the preset
+        ("coarse", {"tools.tine.setback_m": 0.015}, 15.0),
+        ("standard", {"tools.tine.setback_m": 0.0}, 0.0),
     ],
 )
-def test_tools_are_set_back_by_what_the_particles_are_larger(preset, changes, expected):
-    """Centres of particles keep the distance from the tool that those of `fine` have."""
+def test_tools_are_set_back_by_a_part_of_the_radius(preset, changes, expected):
+    """A third and a half: particles 1.5 and 2 times as large as those of `fine` touch where those would."""
     found = load_scene("field_tine", {"preset": preset, **changes})
     assert setback_mm(found) == pytest.approx(expected)
     assert found.scene.particle_soil.surface is None
@@ -111,6 +110,15 @@ def test_walls_are_said_to_change_the_errors():
 def test_a_preset_that_does_not_fit_says_why(changes, words):
     with pytest.raises(SceneError, match=words):
         load_scene("field_tine", changes)
+
+
+def test_a_setback_of_the_scene_stays(tmp_path):
+    """With particles; the wedge model has no use for it."""
+    file, base = tmp_path / "scene.yaml", str(load_scene("field_tine").path)
+    own = {"base": base, "name": "own", "tools": {"tine": {"setback_m": 0.004}}}
+    file.write_text(yaml.safe_dump(own))
+    for preset, expected in (("coarse", 4.0), ("fine", 4.0), ("real_time", 0.0)):
+        assert setback_mm(load_scene(file, {"preset": preset})) == pytest.approx(expected)
 
 
 def test_a_wheel_is_not_set_back(tmp_path):

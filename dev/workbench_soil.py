@@ -26,7 +26,11 @@ pen.putImageData = (...words) => { counts[0]++; put(...words); };
 const note = () => { counts[1]++; requestAnimationFrame(note); };
 note();
 """
-PAINTED_MS = "return performance.getEntriesByName('first-contentful-paint')[0]?.startTime ?? NaN"
+PAINTED_MS = """
+const [done] = arguments, name = "first-contentful-paint";
+const told = list => list.getEntriesByName(name).forEach(entry => done(entry.startTime));
+new PerformanceObserver(told).observe({type: "paint", buffered: true});
+"""
 FLAGS = "headless=new no-sandbox disable-dev-shm-usage enable-unsafe-swiftshader enable-precise-memory-info"
 KINDS = {" watch ": "watch", " workbench ": "server", "chromium": "browser"}
 """Of processes, by a word of their command."""
@@ -79,7 +83,8 @@ def main() -> None:
             try:
                 designer = Designer(browser, address)
                 print(
-                    f"first words of the page after {browser.execute_script(PAINTED_MS):.0f} ms", flush=True
+                    f"first words of the page after {browser.execute_async_script(PAINTED_MS):.0f} ms",
+                    flush=True,
                 )
                 designer.press("Runs")
                 designer.choose("made-up")

@@ -1,11 +1,14 @@
 """`subsoil workbench`: runs and work beside the page as processes, and the page in a real browser."""
 
 import asyncio
+import http.client
 import json
 import os
+import random
 import shutil
 import socket
 import subprocess
+import threading
 import time
 import urllib.error
 import urllib.request
@@ -131,6 +134,7 @@ def served(project: Project, *words: str) -> Iterator[str]:
         said = process.stdout.readline()
         address = next((word for word in said.split() if word.startswith("http://")), None)
         assert address is not None, said + process.stdout.read()
+        threading.Thread(target=process.stdout.read, daemon=True).start()  # a full pipe would stop it
         end = time.monotonic() + PATIENCE_S
         while status(f"http://127.0.0.1:{port}/") is None and time.monotonic() < end:
             time.sleep(0.05)
@@ -168,6 +172,23 @@ def test_only_this_machine_and_only_the_folder_are_served(address: str, project:
         "runs/../notes.txt", "notes.txt", ".secret.yaml", "runs/.lock", "runs", "", "a%00b.yaml",
     ):  # fmt: skip
         assert status(f"{address}files/{path}") == 404, path
+
+
+def test_random_requests_do_no_harm(address: str, project: Project) -> None:
+    """No address that is made up of such pieces is an error of the server, or writes a file."""
+    pieces = ["files", "soil", "runs", "pull.yaml", "..", ".", "", "%2e%2e", "%2f", "%00", "%ff", "%s", "*",
+              "?", "&after=x", "?after=nan", "?after=1e999", "_nicegui", "_nicegui_ws", "\\",
+              "a" * 5000]  # fmt: skip
+    before, chosen = set(project.folder.rglob("*")), random.Random(1)
+    host = address.removeprefix("http://").rstrip("/")
+    for _ in range(500):
+        path = "/" + chosen.choice(["/", "", "%2f"]).join(chosen.choices(pieces, k=chosen.randint(1, 6)))
+        client = http.client.HTTPConnection(host, timeout=30)
+        client.request(chosen.choice(["GET", "HEAD", "POST", "PUT", "DELETE"]), path, chosen.randbytes(99))
+        assert client.getresponse().status < 500, path
+        client.close()
+    assert status(address) == 200
+    assert set(project.folder.rglob("*")) == before
 
 
 def test_one_workbench_serves_a_project(address: str, project: Project) -> None:

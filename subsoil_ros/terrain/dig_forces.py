@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from ..wedge.failure_wedge import Plate, Strength, least_wedge, wedge_terms
-from .cavity import floor_at, local_of, world_of
+from .cavity import floor_at, world_of
 from .terrain_field import Array, cell_of
 
 SIDEWAYS_CELLS = 1.25
@@ -105,29 +105,45 @@ def depth_before(ground, x, y, z, ahead_x, ahead_y, around):
 
 
 @njit(cache=True, error_model="numpy")
-def find_contact(ground, cavity, pose, surface, around, felt):
-    """Set `depth_m`: of each point of the surface that has soil outside, beside the cavity."""
+def find_contact(ground, cavity, pose, surface, box, around, felt):
+    """Set `depth_m`: of each point of the surface that has soil outside, beside the cavity; box: of the
+    columns that the tool touches."""
     o, cell = pose.origin_m, ground.cell_m
-    far = SIDEWAYS_CELLS * cell
-    for k in range(surface.arms_m.shape[0]):
-        felt.depth_m[k] = -1.0
-        p, n = surface.arms_m[k], surface.normals[k]
-        x, y, z = o[0] + p[0], o[1] + p[1], o[2] + p[2]
-        i, j = cell_of(ground, x + far * n[0], y + far * n[1])
-        if i < 0:
+    far, near = SIDEWAYS_CELLS * cell, BESIDE_CELLS * cell
+    (from_x, from_y), (rows, columns) = ground.corner_m, ground.firm_m.shape
+    highest = -np.inf
+    for i in range(max(box[0] - 2, 0), min(box[2] + 2, rows)):
+        for j in range(max(box[1] - 2, 0), min(box[3] + 2, columns)):
+            highest = max(highest, ground.firm_m[i, j] + ground.loose_m[i, j])
+    axes = cavity.axes @ pose.rotation.T  # rows: the axes of the cavity in the world
+    arms, normals, depth = surface.arms_m, surface.normals, felt.depth_m
+    firm, loose, under = ground.firm_m, ground.loose_m, ground.under_m
+    for k in range(arms.shape[0]):
+        depth[k] = -1.0
+        px, py, pz = arms[k, 0], arms[k, 1], arms[k, 2]
+        nx, ny, nz = normals[k, 0], normals[k, 1], normals[k, 2]
+        z = o[2] + pz
+        if z > highest + cell:
             continue
-        top, under = ground.firm_m[i, j] + ground.loose_m[i, j], ground.under_m[i, j]
-        covered = under < np.inf
-        if top < z - cell or (covered and top < under - CLOSE_CELLS * cell):
+        x, y = o[0] + px, o[1] + py
+        # cell_of would count references to the arrays of the ground at each point, fifty times as long
+        i, j = math.floor((x + far * nx - from_x) / cell), math.floor((y + far * ny - from_y) / cell)
+        if not (0 <= i < rows and 0 <= j < columns):
             continue
-        near = BESIDE_CELLS * cell
-        a, b, up = local_of(cavity, cell, pose, x + near * n[0], y + near * n[1], z + near * n[2])
+        top, lowest = firm[i, j] + loose[i, j], under[i, j]
+        covered = lowest < np.inf
+        if top < z - cell or (covered and top < lowest - CLOSE_CELLS * cell):
+            continue
+        dx, dy, dz = px + near * nx, py + near * ny, pz + near * nz
+        a = math.floor((axes[0, 0] * dx + axes[0, 1] * dy + axes[0, 2] * dz - cavity.corner_m[0]) / cell)
+        b = math.floor((axes[1, 0] * dx + axes[1, 1] * dy + axes[1, 2] * dz - cavity.corner_m[1]) / cell)
+        up = axes[2, 0] * dx + axes[2, 1] * dy + axes[2, 2] * dz
         if up - floor_at(cavity, a, b) > -0.5 * BESIDE_CELLS * cell:
             continue
         if covered:  # below the tool: soil that carries it has the depth of the ground around
-            felt.depth_m[k] = around - z
+            depth[k] = around - z
         else:
-            felt.depth_m[k] = depth_before(ground, x, y, z, far * n[0], far * n[1], around)
+            depth[k] = depth_before(ground, x, y, z, far * nx, far * ny, around)
 
 
 @njit(cache=True, error_model="numpy")

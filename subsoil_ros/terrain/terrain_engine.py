@@ -24,7 +24,7 @@ from ..scene.tool_mesh import load_tool_mesh
 from ..wedge.failure_wedge import Strength
 from .cavity import Cavity, cut, drift, regrid, settle
 from .dig_forces import Felt, Surface, carry, find_contact, press_mouth, press_plates
-from .terrain_field import BANK_CELLS, Array, Ground, Pose, slide, touch
+from .terrain_field import BANK_CELLS, Array, Ground, Pose, slide, touch, turned
 from .tool_shape import PITCHES_RAD, ToolShape, View, tool_shape, views
 
 STEP_CELLS = 1.0
@@ -231,7 +231,7 @@ class TerrainEngine:
         steps = max(1, math.ceil(way / (STEP_CELLS * ground.cell_m)))
         for step in range(1, steps + 1):
             pose = self._pose(tool, before, motion, turn, step / steps)
-            arms = tool.shape.points_m @ pose.rotation.T
+            arms = turned(tool.shape.points_m, pose.rotation)
             around, close = touch(ground, arms, pose.origin_m, tool.box)
             self._look(tool, pose)
             cut(ground, tool.cavity, pose, tool.box, at_start)
@@ -247,8 +247,8 @@ class TerrainEngine:
             np.full(len(tool.shape.points_m), -1.0),
         )
         if close and not math.isnan(around):
-            surface = Surface(arms, tool.shape.normals @ pose.rotation.T, tool.shape.areas_m2)
-            find_contact(ground, tool.cavity, pose, surface, around, felt)
+            surface = Surface(arms, turned(tool.shape.normals, pose.rotation), tool.shape.areas_m2)
+            find_contact(ground, tool.cavity, pose, surface, tool.box, around, felt)
             soft = self._values.bed_modulus_newton_per_m3
             press_plates(tool.shape, surface, pose, self._strength, soft, self._interval_s, felt)
             press_mouth(

@@ -118,7 +118,7 @@ def _axes(pitch_rad: float) -> Array:
 
 def _view(dense: Array, axes: Array, cell_m: float) -> View:
     """The highest of dense points by column, and on the way from column to column."""
-    a, b, up = (dense @ axes.T).T
+    a, b, up = np.einsum("ij,nj->in", axes, dense)  # BLAS would take other cores
     corner = np.array([a.min(), b.min()]) - cell_m
     shape = tuple(math.ceil(np.ptp(x) / cell_m) + 3 for x in (a, b))  # its border is empty
     fine, part, middle = np.full((FINE * shape[0], FINE * shape[1]), -np.inf), cell_m / FINE, FINE // 2

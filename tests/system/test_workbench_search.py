@@ -33,7 +33,7 @@ def test_a_search_is_stopped_goes_on_and_gives_its_best(project: Project) -> Non
     """What had run is kept. A wrong range ends it with the message of the command."""
     searches.ask_for(project, "wrong", "blade", [(RAKE, 36, 28)])
     assert "must be two numbers, LEAST,LARGEST" in page.wait_for(project, "wrong", "failed").detail
-    searches.ask_for(project, "first", "blade", [(RAKE, 28, 36)], trials=40, seeds="1")
+    searches.ask_for(project, "first", "blade", [(RAKE, 28, 36)], trials=24, seeds="1")
     folder = searches.folder_of(project, "first")
     page.wait_for(project, "first", "running")
     while not searches.found(project, "first").points:

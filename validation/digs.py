@@ -59,7 +59,7 @@ ROW_S, SAMPLE_S = 0.02, 0.05
 """Of the tables, and of the poses between which the paths interpolate."""
 
 
-def poses(dig: str, scale: float) -> dict[str, list[object]]:
+def poses(dig: str, scale: float = 1.0) -> dict[str, list[object]]:
     """The way of a dig as `path.poses`."""
     points = np.array(DIGS[dig]) * (math.sqrt(scale), scale, scale, 1.0)
     times = np.arange(0.0, points[-1, 0] + 1.5 * SAMPLE_S, SAMPLE_S)

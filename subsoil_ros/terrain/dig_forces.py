@@ -111,9 +111,9 @@ def find_contact(ground, cavity, pose, surface, box, around, felt):
     o, cell = pose.origin_m, ground.cell_m
     far, near = SIDEWAYS_CELLS * cell, BESIDE_CELLS * cell
     (from_x, from_y), (rows, columns) = ground.corner_m, ground.firm_m.shape
-    highest = -np.inf
-    for i in range(max(box[0] - 2, 0), min(box[2] + 2, rows)):
-        for j in range(max(box[1] - 2, 0), min(box[3] + 2, columns)):
+    highest, beyond = -np.inf, math.ceil(SIDEWAYS_CELLS)
+    for i in range(max(box[0] - beyond, 0), min(box[2] + beyond, rows)):
+        for j in range(max(box[1] - beyond, 0), min(box[3] + beyond, columns)):
             highest = max(highest, ground.firm_m[i, j] + ground.loose_m[i, j])
     axes = cavity.axes @ pose.rotation.T  # rows: the axes of the cavity in the world
     arms, normals, depth = surface.arms_m, surface.normals, felt.depth_m

@@ -194,7 +194,8 @@ def cases() -> Iterator[Case]:
         yield Case(f"{speed:g} m/s", _speed(speed), duration_s=SHORT_S * 0.5 / speed)
     yield Case("field 1.0 m wide", {"soil": {"bin": {"width_m": 1.0}}})
     yield Case("wheel ground times 4", _ground(4.0))
-    yield Case("r = 10 mm", _radius(0.010), duration_s=0.7 * SHORT_S)
+    for millimetres in (10, 7.5):
+        yield Case(f"r = {millimetres} mm", _radius(1e-3 * millimetres), duration_s=0.7 * SHORT_S)
     yield Case("wheels on the bed", _wheels_on_the_bed(), duration_s=0.7 * SHORT_S)
     for name, changes in (("loose sandy loam", loose), ("dense sandy loam", dense)):
         for seed in (2, 3):
@@ -220,8 +221,10 @@ def _brittle_cases() -> Iterator[Case]:
         ("field 1.0 m wide", {"soil": {"bin": {"width_m": 1.0}}}),
     ):
         yield Case(f"brittle {name}", {**changes, "soil": {**changes.get("soil", {}), **soil["soil"]}})
-    radius = _radius(0.010)
-    yield Case("brittle r = 10 mm", {"soil": radius["soil"] | soil["soil"]}, duration_s=0.7 * SHORT_S)
+    for millimetres in (10, 7.5):
+        radius = _radius(1e-3 * millimetres)["soil"]
+        changes = {"soil": radius | soil["soil"]}
+        yield Case(f"brittle r = {millimetres} mm", changes, duration_s=0.7 * SHORT_S)
 
 
 def scene_of(case: Case, out: Path) -> Path:

@@ -30,8 +30,8 @@ class Schedule:
         cloud_ticks = checkpoint_ticks = check_ticks = 0
         if scene.has_clouds and record.cloud_hz > 0.0:
             cloud_ticks = max(1, round(NANOSECONDS_PER_SECOND / (record.cloud_hz * tick_ns)))
-        if record.checkpoint_s > 0.0:
-            checkpoint_ticks = max(1, round(record.checkpoint_s * NANOSECONDS_PER_SECOND / tick_ns))
+        if scene.checkpoint_s > 0.0:
+            checkpoint_ticks = max(1, round(scene.checkpoint_s * NANOSECONDS_PER_SECOND / tick_ns))
         if scene.stop_when is not None:
             series = round(CHECK_S * NANOSECONDS_PER_SECOND / (record.series_ticks * tick_ns))
             check_ticks = max(2, series * record.series_ticks, record.series_ticks)

@@ -91,7 +91,7 @@ class _ExternalParticipant:
         self.keeps_state = all(
             callable(getattr(participant, name, None)) for name in ("state_arrays", "restore")
         )
-        if not self.keeps_state and resolved.scene.record.checkpoint_s > 0.0:
+        if not self.keeps_state and resolved.scene.checkpoint_s > 0.0:
             raise InputError(
                 f"{word}: {type(participant).__name__} has no state_arrays and restore, which checkpoints "
                 "need; add both, or set record.checkpoint_s: 0"

@@ -49,8 +49,10 @@ class Record(StrictModel):
     cloud_resolution_m: Annotated[float, Field(ge=0.0, le=0.1)] = Field(
         0.0, description="positions are rounded to it; 0: not."
     )
-    checkpoint_s: NonNegative = Field(
-        0.5, description="simulated seconds between checkpoints; 0: none but on SIGTERM or SIGINT."
+    checkpoint_s: NonNegative | None = Field(
+        None,
+        description="simulated seconds between checkpoints; 0: none but on SIGTERM or SIGINT; null: 0.5 with "
+        "particles, 10 without.",
     )
 
 

@@ -137,6 +137,13 @@ class Scene(StrictModel):
         return self.soil if isinstance(self.soil, TerrainSoil) else None
 
     @property
+    def checkpoint_s(self) -> float:
+        """Simulated time between checkpoints; 0: none."""
+        if self.record.checkpoint_s is not None:
+            return self.record.checkpoint_s
+        return 0.5 if self.particle_soil is not None else 10.0
+
+    @property
     def has_clouds(self) -> bool:
         """Whether the soil is shown by points."""
         return self.particle_soil is not None or self.terrain_soil is not None

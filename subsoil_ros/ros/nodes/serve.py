@@ -73,9 +73,9 @@ def serve(
         raise InputError("serve: give a machine or a soil, one of them")
     refuse_unlike(resolved, machine, soil, alone=False)
     engine = ExternalMachineEngine(resolved, machine) if soil is None else ExternalSoilEngine(resolved, soil)
-    if resolved.scene.record.checkpoint_s > 0.0 and checkpoints is None:
+    if resolved.scene.checkpoint_s > 0.0 and checkpoints is None:
         raise InputError(
-            f"serve: the scene writes checkpoints every {resolved.scene.record.checkpoint_s:g} s; give "
+            f"serve: the scene writes checkpoints every {resolved.scene.checkpoint_s:g} s; give "
             "checkpoints=FOLDER, 'checkpoints' in the folder of the run, or set record.checkpoint_s: 0"
         )
     run = RunSettings(

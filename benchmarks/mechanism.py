@@ -80,7 +80,7 @@ def machine_cost() -> MachineCost:
 
 def chain_costs(largest: int) -> tuple[ChainCost, ...]:
     """CPU time of a step of chains of 1, 2, 5, 10, ... rods, up to `largest`."""
-    counts = [count for count in (1, 2, 5, 10, 20, 50, 100, 200) if count <= largest]
+    counts = [count for count in (1, 2, 5, 10, 20, 50, 100, 200, 400, 1000) if count <= largest]
     return tuple(
         ChainCost(count, us_per_step(Mechanism.model_validate(chain(count)), 1e-4, max(3, 2000 // count**2)))
         for count in counts

@@ -2,15 +2,16 @@
 
     python -m benchmarks.scaling [--only particles threads tools field bodies] [--out FOLDER]
 
-Prints a table for each, and draws cost over the ideal, where what is doubled costs twice or, of threads, takes
-half. Particles, threads: a plate dragged through grids of the paper's soil. Tools: flat blades side by side in one
-field; the ideal is the time with one and what each further one of the first four adds. Field: a shallow blade
-in a window; CPU time per metre, and memory of the process, after so many metres. Bodies: chains of rods.
+Prints a table for each, and draws cost over the ideal, where what is doubled costs twice or, of threads,
+takes half. Particles, threads: a plate dragged through grids of the paper's soil. Tools: flat blades side by
+side in one field; the ideal is the time with one and what each further one of the first four adds. Field: a
+shallow blade in a window; CPU time per metre, and memory of the process, after so many metres. Bodies: chains
+of rods.
 """
 
 import argparse
 import json
-import resource
+import os
 import tempfile
 import time
 from collections.abc import Callable, Sequence
@@ -93,8 +94,9 @@ def blades(count: int, *, depth_m: float, width_m: float, metres: float) -> Reso
         return load_scene(path)
 
 
-def marks(resolved: ResolvedScene, metres: Sequence[float]) -> list[float]:
-    """CPU time [s] from after the first tenth of a metre up to each of these ways, without a record."""
+def marks(resolved: ResolvedScene, metres: Sequence[float]) -> list[tuple[float, float]]:
+    """CPU time [s] from after the first tenth of a metre up to each of these ways, without a record, and the
+    memory of the process then [MB]."""
     source, soil = build_motion_source(resolved), build_soil(resolved, 1)
     assert soil is not None
     wrenches, found = soil.start(source.initial_motions()), []
@@ -105,13 +107,14 @@ def marks(resolved: ResolvedScene, metres: Sequence[float]) -> list[float]:
         if tick == round(0.1 * per_metre):
             begin = time.process_time()
         if tick in ends:
-            found.append(time.process_time() - begin)
+            pages = int(Path("/proc/self/statm").read_text().split()[1])
+            found.append((time.process_time() - begin, 1e-6 * pages * os.sysconf("SC_PAGE_SIZE")))
     return found
 
 
 def tools() -> list[Point]:
     """CPU time of the soil with so many tools."""
-    ways = [marks(blades(count, depth_m=0.15, width_m=4.2, metres=0.6), (0.6,))[0] for count in TOOLS]
+    ways = [marks(blades(count, depth_m=0.15, width_m=4.2, metres=0.6), (0.6,))[0][0] for count in TOOLS]
     each = (ways[1] - ways[0]) / (TOOLS[1] - TOOLS[0])
     return [
         (count, way / (ways[0] + (count - 1) * each), f"{way:.1f} s")
@@ -123,12 +126,11 @@ def field() -> list[Point]:
     """CPU time of a metre, and memory."""
     resolved = blades(1, depth_m=0.06, width_m=0.4, metres=METRES[-1])
     spent = marks(resolved, METRES)
-    first = spent[0] / (METRES[0] - 0.1)
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    first = spent[0][0] / (METRES[0] - 0.1)
     points, before, way = [], 0.0, 0.1
-    for metre, at in zip(METRES, spent, strict=True):
+    for metre, (at, memory) in zip(METRES, spent, strict=True):
         cost = (at - before) / (metre - way)
-        points.append((metre, cost / first, f"{cost:.2f} s a metre, {memory:.0f} MB at the end"))
+        points.append((metre, cost / first, f"{cost:.2f} s a metre, {memory:.0f} MB"))
         before, way = at, metre
     return points
 

@@ -221,7 +221,7 @@ def _brittle_cases() -> Iterator[Case]:
         ("field 1.0 m wide", {"soil": {"bin": {"width_m": 1.0}}}),
     ):
         yield Case(f"brittle {name}", {**changes, "soil": {**changes.get("soil", {}), **soil["soil"]}})
-    for millimetres, part in ((10, 0.7), (7.5, 0.5)):
+    for millimetres, part in ((10, 0.7), (7.5, 0.31)):
         radius = _radius(1e-3 * millimetres)["soil"]
         changes = {"soil": radius | soil["soil"]}
         yield Case(f"brittle r = {millimetres} mm", changes, duration_s=part * SHORT_S)

@@ -51,7 +51,7 @@ class Record(StrictModel):
     )
     checkpoint_s: NonNegative | None = Field(
         None,
-        description="simulated seconds between checkpoints; 0: none but on SIGTERM or SIGINT; null: 0.5 with "
+        description="simulated seconds between checkpoints; 0: none but on SIGTERM or SIGINT; left out: 0.5 with "
         "particles, 10 without.",
     )
 

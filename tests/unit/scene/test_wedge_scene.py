@@ -15,6 +15,7 @@ from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.loading.scene_bundle import pack, unpack
 from subsoil_ros.loading.soil_file import SoilFile, law_of, read_soil_file, write_soil_file
 from subsoil_ros.scene.wedge_soil import SoilRange, WedgeValues
+from subsoil_ros.schedule import Schedule
 
 SCENES = Path(__file__).parents[3] / "config" / "scenes"
 VALUES = {
@@ -205,3 +206,13 @@ def test_a_tick_too_long_for_the_springs_is_refused(capsys: pytest.CaptureFixtur
     assert main(["check", scene]) == 0
     assert main(["check", scene, "--set", "coupling.communication_step_ns=8000000"]) == 2
     assert "above the stable limit" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("preset", "default_s"), [("fine", 0.5), ("real_time", 10.0)])
+def test_checkpoints_are_rare_where_no_particles_are(preset, default_s):
+    """By default; a value of the scene counts in both soils, and 0 means none."""
+    for given, every_s in (([], default_s), (["2.0"], 2.0), (["0"], 0.0)):
+        changes = [f"record.checkpoint_s={value}" for value in given]
+        resolved = load_scene("field_tine", [f"preset={preset}", *changes])
+        ticks = Schedule.of(resolved.scene, resolved.timing).checkpoint_ticks
+        assert ticks * resolved.timing.communication_step_s == pytest.approx(every_s)

@@ -51,8 +51,8 @@ class Record(StrictModel):
     )
     checkpoint_s: NonNegative | None = Field(
         None,
-        description="simulated seconds between checkpoints; 0: none but on SIGTERM or SIGINT; left out: 0.5 with "
-        "particles, 10 without.",
+        description="simulated seconds between checkpoints; 0: none but on SIGTERM or SIGINT; left out: 0.5 "
+        "with particles, 10 without.",
     )
 
 

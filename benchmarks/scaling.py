@@ -10,7 +10,6 @@ of rods.
 """
 
 import argparse
-import json
 import os
 import tempfile
 import time
@@ -23,8 +22,9 @@ import numba
 from benchmarks.mechanism import chain_costs
 from benchmarks.soil_cases import scaling_cases
 from benchmarks.throughput import measure
+from subsoil_ros import load_scene
 from subsoil_ros.coupling.engines import build_motion_source, build_soil
-from subsoil_ros.loading.loader import ResolvedScene, load_scene
+from subsoil_ros.loading.loader import ResolvedScene
 
 Point = tuple[float, float, str]
 """What grows; cost over the ideal; more to print."""
@@ -33,7 +33,9 @@ COUNTS = (10_000, 100_000, 1_000_000)
 TOOLS = (1, 4, 8, 12)
 METRES = (1.0, 10.0, 50.0, 200.0)
 LARGEST_CHAIN = 1000
+
 SPEED_M_PER_S = 2.0
+"""Of the blades (chosen: fast, so that 200 m take minutes)."""
 
 
 def particles() -> list[Point]:
@@ -88,10 +90,7 @@ def blades(count: int, *, depth_m: float, width_m: float, metres: float) -> Reso
         "tools": tools,
         "coupling": {"communication_step_ns": 500000, "force": "tick_mean"},
     }
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "blades.yaml"
-        path.write_text(json.dumps(document))
-        return load_scene(path)
+    return load_scene(document)
 
 
 def marks(resolved: ResolvedScene, metres: Sequence[float]) -> list[tuple[float, float]]:

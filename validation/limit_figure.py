@@ -2,7 +2,8 @@
 
     python -m validation.limit_figure PNG
 
-Reads validation/studies/limit.csv, the drafts of validation/limit.md: from 0.7 s on, with 95 % intervals.
+Reads validation/studies/limit.csv, the drafts of validation/limit.md and, of presets in loam, of the study in
+validation/trade.md, with 95 % intervals.
 """
 
 import argparse
@@ -36,7 +37,7 @@ def draw(path: Path) -> None:
         whole = numbers[numbers[:, 1] == 0.0]
         fitted = whole[whole[:, 0] <= FITTED_UP_TO_MM[soil]]
         _, limit, half = next(limits(fitted[:, 0], fitted[:, 2], fitted[:, 3]))
-        slope = np.polyfit(fitted[:, 0], fitted[:, 2] - limit, 1, w=1.0 / fitted[:, 3])[0]
+        slope = np.polyfit(fitted[:, 0], fitted[:, 2], 1, w=1.0 / fitted[:, 3])[0]
         ends = np.array((0.0, fitted[:, 0].max()))
         axis.plot(ends, limit + slope * ends, "--", color="0.5", lw=1.0)
         axis.errorbar(0.0, limit, half, fmt="D", color="0.3", capsize=3, label="limit")
@@ -45,7 +46,7 @@ def draw(path: Path) -> None:
         axis.errorbar(*back[:, [0, 2, 3]].T, fmt="s", color="#b5651d", capsize=3, label="set back")
         for radius, setback, draft, _ in back:
             axis.annotate(f"{setback:g} mm", (radius, draft), (5, -10), textcoords="offset points", size=7)
-        axis.set(title=title, xlabel="radius mm", xlim=(-1.0, 23.0), ylim=(0.0, None))
+        axis.set(title=title, xlabel="radius mm", xlim=(-1.0, 24.0), ylim=(0.0, None))
     axes[0].set_ylabel("mean draft N")
     axes[0].legend(loc="lower right", fontsize=8)
     figure.savefig(path, dpi=110)

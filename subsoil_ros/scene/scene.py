@@ -138,7 +138,8 @@ class Scene(StrictModel):
 
     @property
     def checkpoint_s(self) -> float:
-        """Simulated time between checkpoints; 0: none."""
+        """Simulated time between checkpoints; 0: none. Each default takes some seconds of wall time or more,
+        against the milliseconds in which a checkpoint is written."""
         if self.record.checkpoint_s is not None:
             return self.record.checkpoint_s
         return 0.5 if self.particle_soil is not None else 10.0

@@ -12,7 +12,6 @@ from subsoil_ros.errors import RunError
 from subsoil_ros.limits.communication_steps import DAMPER_SHARE, force_age_ticks
 from subsoil_ros.loading.loader import ResolvedScene
 from subsoil_ros.messages import CouplingReport, MechanismState, ToolMotion, ToolMotions, ToolWrench
-from subsoil_ros.scene.scene import Coupling
 
 from .cases import RIGHT, STOPPED, Cases, Outcome, WrongEndError, must, right
 from .laboratory import Document, Laboratory
@@ -46,8 +45,7 @@ class Press:
     @property
     def limits(self) -> tuple[float, float]:
         """Smallest and largest damper of a stable exchange [N s/m] (docs/coupling.md)."""
-        coupling = Coupling(force=self.force)  # type: ignore[arg-type]
-        age_s = force_age_ticks(coupling, self.soil_steps) * self.interval_s
+        age_s = force_age_ticks(self.force, self.soil_steps) * self.interval_s
         return age_s * self.stiffness, DAMPER_SHARE * self.mass / self.interval_s
 
     @property

@@ -6,7 +6,7 @@ exchange creates or loses.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..errors import PhysicsError
 from ..leaps import entry
@@ -65,6 +65,8 @@ class InterfaceAccount:
         grace_joule: absolute work below which the bound is not applied.
         work: the account so far, in a resumed run.
         leaps_within_s: duration of a tick by tool that may leap, which no force does.
+        predicted_s: of a tick whose motions are a prediction; None: they are what the wrenches give. Its
+            work is then known one tick later.
     """
 
     def __init__(
@@ -75,22 +77,26 @@ class InterfaceAccount:
         grace_joule: float,
         work: InterfaceWork | None = None,
         leaps_within_s: Mapping[str, float] | None = None,
+        predicted_s: float | None = None,
     ) -> None:
         self._leaps_within_s = leaps_within_s or {}
-        self._motions = motions
+        self._predicted_s = predicted_s
+        self.work = work or InterfaceWork()
+        started = self.work.absolute_work_joule > 0.0
+        self._motions = self._corrected(motions) if started else motions  # the initial ones are no prediction
         self._wrenches = wrenches
         self._bound = bound
         self._grace_joule = grace_joule
-        self.work = work or InterfaceWork()
 
     def add(self, motions: tuple[ToolMotion, ...], wrenches: tuple[ToolWrench, ...]) -> InterfaceWork:
         """Add a finished tick, its motions and wrenches; return the account."""
         held = soil = absolute = 0.0
+        motions = self._corrected(motions)
         for wrench, before, after in zip(self._wrenches, self._motions, motions, strict=True):
             interval_s = self._leaps_within_s.get(after.tool)
             start = entry(before, after, interval_s) if interval_s is not None else None
             held += held_work_joule(wrench, start or before, after)
-        for wrench in wrenches:
+        for wrench in wrenches if self._predicted_s is None else self._wrenches:
             soil += wrench.work_joule
             absolute += abs(wrench.work_joule)
         self._motions, self._wrenches = motions, wrenches
@@ -101,6 +107,21 @@ class InterfaceAccount:
             self.work.absolute_work_joule + absolute,
         )
         return self.work
+
+    def _corrected(self, motions: tuple[ToolMotion, ...]) -> tuple[ToolMotion, ...]:
+        """Where the mechanism truly was when it predicted these motions, by constant velocities."""
+        back_s = self._predicted_s
+        if back_s is None:
+            return motions
+        return tuple(
+            replace(
+                motion,
+                x_m=motion.x_m - back_s * motion.velocity_x_m_per_s,
+                z_m=motion.z_m - back_s * motion.velocity_z_m_per_s,
+                angle_rad=motion.angle_rad - back_s * motion.angular_velocity_rad_per_s,
+            )
+            for motion in motions
+        )
 
     def nears_bound(self, part: float) -> bool:
         """Whether the residual is above this part of its bound, where the bound applies."""
@@ -128,7 +149,7 @@ class InterfaceAccount:
                 f"{100.0 * work.residual_ratio:.3g} % of {work.absolute_work_joule:.3g} J interface work, "
                 f"above coupling.residual_bound {100.0 * self._bound:.3g} %. The exchange {does} energy: "
                 "lower coupling.communication_step_ns to what `subsoil check` calls stable, or set "
-                "coupling.force: tick_mean if it is not set and a tick has several soil steps"
+                "coupling.force: predicted if the scene can have it"
             )
 
 
@@ -148,4 +169,7 @@ def account_of(
     free = any(tool.inertia_kg_m2 is not None for tool in scene.tools.values())
     leaps = {name: step_s for name, tool in scene.tools.items() if tool.may_leap}
     bound = coupling.residual_bound if (scene.moved_by_participant and not leaps) or free else None
-    return InterfaceAccount(motions, wrenches, bound, coupling.residual_grace_joule, work, leaps)
+    predicted_s = step_s if scene.predicts_motion else None
+    return InterfaceAccount(
+        motions, wrenches, bound, coupling.residual_grace_joule, work, leaps, predicted_s
+    )

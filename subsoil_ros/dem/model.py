@@ -138,7 +138,7 @@ def soil_model(resolved: ResolvedScene, bed: Bed, *, book: bool = False) -> Soil
         gravity_m_per_s2=resolved.scene.gravity_m_per_s2,
         step_s=timing.soil_step_s,
         soil_steps=timing.soil_steps,
-        last_step_only=resolved.scene.coupling.force == "tick_end",
+        last_step_only=resolved.scene.exchanged_force == "tick_end",
         smallest_m=smallest,
         radius_m=radius,
         mass_kg=mass,

@@ -4,6 +4,9 @@ A force held over an interval H acts like negative damping. On a soil spring k w
 for k H^2 / m << 1, the exchange is stable where (age of the force) k <= c <= 2 m / H. The force that acts
 within a tick is H / 2 old on average; a mean over n soil steps adds (n - 1) / (2 n) H. n contacts share one
 law, k = n K and c = n C, so the lower bound on the damper does not depend on n.
+
+Where the mechanism predicts the motion of a tick, the force has no age. Its mean is then stable, for
+k H^2 <= m, where k^2 H^3 / (3 m) <= c <= 0.8 m / H.
 tests/physics/test_exchange_stability.py compares the bounds with the exact one-tick map.
 """
 
@@ -14,7 +17,7 @@ import numpy as np
 
 from ..scene.mechanism import Body
 from ..scene.pair_laws import layer_soils, particle_spacing_m, tool_values
-from ..scene.scene import Coupling, Scene
+from ..scene.scene import Scene
 from ..scene.soil import Soil
 from ..scene.tool_faces import cutting_faces
 from ..scene.tool_mesh import ToolMesh
@@ -27,8 +30,12 @@ DAMPER_SHARE = 2.0
 """c H / m up to which the exchange is stable without a spring. With the mean of n > 1 steps it would be the
 smaller of 2 n and 2 n / (n - 1), never below 2."""
 
+PREDICTED_SHARE = 0.8
+"""The same where the mean force of a tick answers to a predicted motion."""
+
 USED_PART = 0.8
-"""Part of the bounds that a derived interval takes, so that a fifth of the contact's damper is left."""
+"""Part of the bounds that a derived interval takes, so that a fifth of the contact's damper is left; with a
+predicted motion, for which the damper has to grow with H^3, its cube root."""
 
 REFERENCE_OVERLAP = 0.01
 """Overlap over radius at which a Hertzian contact is taken as linear: 16 times as much halves the bounds."""
@@ -73,22 +80,28 @@ def coupling_bounds(
     overlap = REFERENCE_OVERLAP * soil.particles.mean_volume_radius_m
     boundaries = [tool_values(layer).linear_at(overlap) for layer in layer_soils(soil)]
     relaxation = min(boundary.damping / boundary.stiffness for boundary in boundaries)
-    max_damping = max(boundary.damping for boundary in boundaries)
-    age = force_age_ticks(scene.coupling, derive_timing(scene).soil_steps)
+    stiffness = max(boundary.stiffness for boundary in boundaries)
+    damping = max(boundary.damping for boundary in boundaries)
+    age = force_age_ticks(scene.exchanged_force, derive_timing(scene).soil_steps)
     found = []
     for name, mass in masses.items():
         count = _contact_count(soil, meshes[name])
-        damping = count * max_damping
-        found.append(
-            CouplingBound(
-                tool=name,
-                undamped_s=relaxation / age,
-                unstable_s=DAMPER_SHARE * mass / damping if damping > 0.0 else np.inf,
-                effective_mass_kg=mass,
-                contact_count=count,
-            )
-        )
+        if scene.predicts_motion:
+            limits = predicted_limits(mass, count * stiffness, count * damping, relaxation)
+        else:
+            limits = relaxation / age, DAMPER_SHARE * mass / (count * damping) if damping > 0.0 else np.inf
+        found.append(CouplingBound(name, *limits, effective_mass_kg=mass, contact_count=count))
     return tuple(found)
+
+
+def predicted_limits(
+    mass: float, stiffness: float, damping: float, relaxation: float
+) -> tuple[float, float]:
+    """Longest intervals [s] with a predicted motion on a soil of this stiffness [N/m] and damping [N s/m]:
+    that up to which a damper of stiffness times `relaxation` [s] is enough, and that of the largest one."""
+    square = mass / stiffness
+    largest = PREDICTED_SHARE * mass / damping if damping > 0.0 else np.inf
+    return float(np.cbrt(3.0 * relaxation * square)), min(largest, float(np.sqrt(square)))
 
 
 def longest_exchange_ns(scene: Scene, meshes: dict[str, ToolMesh], every_step: Timing) -> int:
@@ -99,19 +112,19 @@ def longest_exchange_ns(scene: Scene, meshes: dict[str, ToolMesh], every_step: T
     bounds, step_ns = coupling_bounds(scene, meshes), every_step.communication_step_ns
     if not bounds:
         return step_ns
-    undamped = USED_PART * min(bound.undamped_s for bound in bounds) * 1e9 / step_ns
-    if scene.coupling.force == "tick_mean":
+    undamped = min(bound.undamped_s for bound in bounds) * 1e9 / step_ns
+    undamped *= np.cbrt(USED_PART) if scene.predicts_motion else USED_PART
+    if scene.exchanged_force == "tick_mean":
         undamped = 0.5 * undamped + 0.5  # the force of n steps is (1 - 1 / (2 n)) H old, that of one H / 2
     unstable = USED_PART * min(bound.unstable_s for bound in bounds) * 1e9 / step_ns
     return max(1, int(min(undamped, unstable))) * step_ns
 
 
-def force_age_ticks(coupling: Coupling, soil_steps: int) -> float:
-    """Mean age of the soil's force when it acts on the mechanism [ticks]."""
-    age = 0.5
-    if coupling.force == "tick_mean":
-        age += 0.5 * (soil_steps - 1) / soil_steps
-    return age
+def force_age_ticks(force: str, soil_steps: int) -> float:
+    """Mean age of the soil's force when it acts on the mechanism [ticks], for `Scene.exchanged_force`."""
+    if force == "predicted":
+        return 0.0
+    return 0.5 + (0.5 * (soil_steps - 1) / soil_steps if force == "tick_mean" else 0.0)
 
 
 def _effective_mass_kg(body: Body, mesh: ToolMesh) -> float:

@@ -61,9 +61,9 @@ IN_DEPTH = {"fine": 10.0, "standard": 20.0 / 3.0, "coarse": 5.0}
 """Particle diameters in the depth of the tools, by preset. With ten, drafts are within 10 % of those at two
 thirds of the radius (validation/blades.md); the others: validation/trade.md."""
 
-SET_BACK = {"standard": 1.0 / 3.0, "coarse": 0.5}
-"""Setback of the tools over the radius: particles 1.5 and 2 times as large as those of `fine` then touch a
-tool where those would (validation/trade.md#setback)."""
+TOUCH_IN_DEPTH = 20.0
+"""Diameters in the depth of the tools of the particles that would touch a tool where those of each preset do:
+tools are set back by the difference of the radii (validation/trade.md#setback)."""
 
 WALLED = (
     "measured in a field with held sides; in a bin with walls drafts differ, the more the nearer the walls "
@@ -193,9 +193,8 @@ def preset_changes(
     low, high = material.radii_m
     radius = min(max(round(0.5 * min(depth / IN_DEPTH[name], width / LEAST_ACROSS), 4), low), high)
     particles: Document = {"soil": {"particles": {"radius_m": radius}}}
-    if name not in SET_BACK:
-        return particles
-    setback_m = round(SET_BACK[name] * (0.5 * sum(soil.particles.bounds_m) if sized else radius), 5)
+    part = 1.0 - IN_DEPTH[name] / TOUCH_IN_DEPTH
+    setback_m = round(part * (0.5 * sum(soil.particles.bounds_m) if sized else radius), 5)
     tools = {tool: {"setback_m": setback_m} for tool in _tillage(scene) if not scene.tools[tool].setback_m}
     return particles | {"tools": tools}
 

@@ -53,7 +53,10 @@ failed step. Only the kind and the words of the error depend on it."""
 
 
 class MechanismEngine:
-    """Advances the machine of a scene. One tick is one call; the state is in one place."""
+    """Advances the machine of a scene. One tick is one call; the state is in one place.
+
+    Where the scene predicts motions, that is the state at the start of the tick: its end awaits the wrenches.
+    """
 
     keeps_state = True
 
@@ -68,6 +71,7 @@ class MechanismEngine:
             raise SceneError("mechanism: is missing, and this run needs one")
         self._interval_ns = timing.communication_step_ns
         self._steps = max(1, timing.mechanism_steps)
+        self._predicts = scene.predicts_motion
         step_s = timing.communication_step_ns * 1e-9 / self._steps
         refuse_jumps(scene.mechanism, step_s)
         start = assemble(scene.mechanism, scene.gravity_m_per_s2, step_s)
@@ -83,6 +87,7 @@ class MechanismEngine:
             driver = self._machine.joints.index(scene.controller.driver)
             self._commanded_function = int(self._machine.model.joints[driver]["function"])
             self.ramp = first_ramp(scene)
+        self._due: Ramp | None = None  # commanded for the tick that comes
         self.topology = Topology.of(start)
         self._begin(start)
 
@@ -121,7 +126,10 @@ class MechanismEngine:
         return state
 
     def advance(self, tick: int, wrenches: tuple[ToolWrench, ...]) -> tuple[ToolMotion, ...]:
-        """Advance `tick` with the wrenches held constant (none: empty); motions at its end.
+        """Motions at the end of `tick`; wrenches: of the tick before (none: empty).
+
+        They are held constant through `tick`, or, where the scene predicts motions, through the tick before,
+        whose motions were a prediction; those of `tick` are one by the velocities at its start.
 
         Raises:
             ProtocolError: not the next tick, or a wrench of an unknown tool.
@@ -133,14 +141,24 @@ class MechanismEngine:
                 f"mechanism: asked to advance tick {tick}, but the next one is {self._tick + 1}"
             )
         self._hold(tick, wrenches)
+        if self._predicts and self._tick > INITIAL_TICK:
+            self._solve(self._state, self._tick)
+        if self._due is not None:
+            self._drive(self._due)
+            self._due = None
+        if not self._predicts:
+            self._solve(self._state, tick)
+        self._tick = tick
+        return self._motions(self._interval_ns * 1e-9 if self._predicts else 0.0)
+
+    def _solve(self, state: State, tick: int) -> None:
+        """Take a state from the start of a tick to its end. Raises RunError."""
         start = tick_end_s(tick - 1, self._interval_ns)
         if self._machine.model.integrator == GENERALIZED_ALPHA:
-            self._before = copied(self._state)
-        status = advance_tick(self._machine.model, self._state, self._work, start, self._steps)
+            self._before = copied(state)
+        status = advance_tick(self._machine.model, state, self._work, start, self._steps)
         if status != OK:
             raise self._fault(int(status), start)
-        self._tick = tick
-        return self._motions()
 
     def command(self, command: DriverCommand) -> None:
         """Apply a controller's command from the start of the next tick on.
@@ -159,23 +177,35 @@ class MechanismEngine:
             )
         start_s = tick_end_s(self._tick, self._interval_ns)
         interval_s = self._controller.interval_ticks * self._interval_ns * 1e-9
-        before = self.ramp.acceleration
-        self._drive(next_ramp(self.ramp, command, self._controller, start_s, interval_s))
-        if self.ramp.acceleration != before:  # a breakpoint: history does not reach across
-            self._state.counters[PAST_COUNT] = 0
-            self._state.counters[RESTART_COUNT] += 1
+        self._due = next_ramp(self.ramp, command, self._controller, start_s, interval_s)
 
     def _drive(self, ramp: Ramp) -> None:
+        """Follow a command from the state on."""
+        assert self.ramp is not None
+        if ramp.acceleration != self.ramp.acceleration:  # a breakpoint: history does not reach across
+            self._state.counters[PAST_COUNT] = 0
+            self._state.counters[RESTART_COUNT] += 1
+        self._follow(ramp)
+
+    def _follow(self, ramp: Ramp) -> None:
         self.ramp = ramp
         write_ramp(self._machine.model.functions, self._commanded_function, ramp)
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> MechanismState:
-        """State of the whole machine now, with the stamp that the caller gives."""
-        time = end_time_ns * 1e-9
+        """State of the whole machine at the end of `tick`, the last one, with the stamp that the caller gives:
+        where the scene predicts motions, as the wrenches of the tick before leave it.
+
+        Raises:
+            RunError: as advance.
+        """
+        time, state = end_time_ns * 1e-9, self._state
+        if self._predicts and self._tick > INITIAL_TICK:
+            state = copied(state)
+            self._solve(state, self._tick)
         behind = -0.5 if self._tick > INITIAL_TICK else 0.5
         return mechanism_state(
             self._machine,
-            self._state,
+            state,
             self._redundant,
             self._draft_driver,
             (run_id, tick, end_time_ns),
@@ -204,7 +234,7 @@ class MechanismEngine:
             array[...] = arrays[name]
         self._tick = int(arrays["tick"])
         if self.ramp is not None:
-            self._drive(Ramp(*arrays["ramp"].tolist()))
+            self._follow(Ramp(*arrays["ramp"].tolist()))
 
     def _hold(self, tick: int, wrenches: tuple[ToolWrench, ...]) -> None:
         """The wrenches as generalised forces; the planar moment is -torque_y (a turn about -y)."""
@@ -226,8 +256,9 @@ class MechanismEngine:
                 )
             self._state.wrench[3 * body : 3 * body + 3] += planar
 
-    def _motions(self) -> tuple[ToolMotion, ...]:
-        q, v = self._state.q, self._state.v
+    def _motions(self, ahead_s: float = 0.0) -> tuple[ToolMotion, ...]:
+        """Motions of the tools so long after the state, velocities staying."""
+        q, v = self._state.q + ahead_s * self._state.v, self._state.v
         motions = []
         for (name, lateral), body in zip(self._tools, self._tool_bodies, strict=True):
             x, z, phi = (float(value) for value in q[3 * body : 3 * body + 3])

@@ -42,9 +42,12 @@ class Coupling(StrictModel):
         "1 ms.",
     )
     mechanism_steps: int = Field(1, ge=1, le=1000, description="steps of the mechanism per exchange.")
-    force: Literal["tick_end", "tick_mean"] = Field(
-        "tick_end",
-        description="held through the next tick: that of the soil's last step, or its mean.",
+    force: Auto | Literal["predicted", "tick_mean", "tick_end"] = Field(
+        "auto",
+        description="by which the mechanism moves. predicted: the mean over the same tick, of a soil that "
+        "answers to the motion that constant velocities give; tick_mean, tick_end: that of the tick before, "
+        "its mean, or that of its last soil step. auto: predicted for a mechanism with particles, "
+        "otherwise tick_end.",
     )
     grant_window: int = Field(32, ge=1, le=64, description="ticks the coupler grants ahead.")
     residual_bound: Positive = Field(
@@ -169,11 +172,27 @@ class Scene(StrictModel):
         """Whether a participant of its own moves the tools, a mechanism or an external machine."""
         return self.mechanism is not None or self.external_machine
 
+    @property
+    def exchanged_force(self) -> Literal["predicted", "tick_mean", "tick_end"]:
+        """`coupling.force`, whose `auto` follows from mechanism and soil."""
+        if self.coupling.force != "auto":
+            return self.coupling.force
+        return "predicted" if self.mechanism is not None and self.particle_soil is not None else "tick_end"
+
+    @property
+    def predicts_motion(self) -> bool:
+        """Whether a tick's motions are a prediction, which the mechanism corrects by the tick's wrenches."""
+        return self.exchanged_force == "predicted"
+
     @model_validator(mode="after")
     def _consistent(self) -> "Scene":
         if self.soil is None and self.mechanism is None:
             raise ValueError("give 'soil', 'mechanism' or both: there is nothing to simulate")
         _check_allow(self)
+        if self.predicts_motion and (self.mechanism is None or self.particle_soil is None):
+            raise ValueError(
+                "coupling.force: given 'predicted', which takes a mechanism and particles; leave it out"
+            )
         if self.soil is None and self.tools:
             raise ValueError("tools: given without 'soil'; tools act on soil only")
         bodies = self.mechanism.bodies if self.mechanism else {}

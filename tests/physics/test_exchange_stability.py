@@ -10,10 +10,14 @@ from numpy.testing import assert_allclose
 from subsoil_ros.api.run_frame import simulate
 from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.dem.build import build_engine
-from subsoil_ros.limits.communication_steps import DAMPER_SHARE, force_age_ticks
+from subsoil_ros.limits.communication_steps import (
+    DAMPER_SHARE,
+    PREDICTED_SHARE,
+    force_age_ticks,
+    predicted_limits,
+)
 from subsoil_ros.mbd.mechanism_engine import MechanismEngine
 from subsoil_ros.messages import ToolWrenches
-from subsoil_ros.scene.scene import Coupling
 from tests.physics.tick_map import Exchange
 from tests.soils import NEGLIGIBLE
 
@@ -38,7 +42,7 @@ def crossing(case: Exchange, low: float, high: float) -> float:
 def lowest_damping(case: Exchange) -> float:
     """Below it the held force outweighs the damper."""
     unit = case.stiffness * case.interval
-    return crossing(case, 0.02 * unit, 10.0 * unit)
+    return crossing(case, 0.002 * unit, 10.0 * unit)
 
 
 def highest_damping(case: Exchange) -> float:
@@ -53,10 +57,10 @@ def test_the_lowest_damper_is_stiffness_times_age(force, soil_steps, interval):
     """k H / 2, mean up to k H / 2 more; within the order of k H^2 / m that is left out."""
     ratio = 1e-3
     case = Exchange(interval, 1e4, 0.0, 1e4 * interval**2 / ratio, 0, 0, force, soil_steps)
-    age = force_age_ticks(Coupling(force=force), soil_steps)
+    age = force_age_ticks(force, soil_steps)
     assert_allclose(lowest_damping(case), age * case.stiffness * interval, rtol=5.0 * ratio)
     if force == "tick_mean":
-        assert_allclose(force_age_ticks(Coupling(force=force), 100_000), 1.0, rtol=1e-5)
+        assert_allclose(force_age_ticks(force, 100_000), 1.0, rtol=1e-5)
 
 
 @pytest.mark.parametrize("ratio", [1e-3, 0.1, 0.7])
@@ -75,6 +79,21 @@ def test_the_highest_damper_in_closed_form():
         mean = Exchange(**weak, force="tick_mean", soil_steps=steps)
         assert_allclose(highest_damping(mean), unit * min(2.0 * steps, 2.0 * steps / (steps - 1)), rtol=1e-5)
         assert highest_damping(mean) > unit * DAMPER_SHARE
+
+
+@pytest.mark.parametrize("soil_steps", [1, 2, 5, 1000])
+@pytest.mark.parametrize("ratio", [0.01, 0.1, 0.3, 0.7, 1.0])
+def test_limits_of_a_predicted_motion(ratio, soil_steps):
+    """Stable with dampers from k^2 H^3 / (3 m) to 0.8 m / H, which the limits on H say the other way round."""
+    case = Exchange(2e-3, ratio * 3.0 / 4e-6, 0.0, 3.0, force="predicted", soil_steps=soil_steps)
+    unit = case.mass / case.interval
+    for damping in np.geomspace(ratio**2 / 3.0, PREDICTED_SHARE, 20) * unit:
+        assert replace(case, damping=damping).radius() < 1.0
+        found = predicted_limits(case.mass, case.stiffness, damping, damping / case.stiffness)
+        assert min(found) >= case.interval * (1.0 - 1e-9)
+    if soil_steps == 1000 and ratio <= 0.1:  # of n steps the lower one is less by k H / (2 n)
+        lowest = (ratio**2 / 3.0 - 0.5 * ratio / soil_steps) * unit
+        assert_allclose(lowest_damping(case), lowest, rtol=0.02)
 
 
 METHODS = [
@@ -218,6 +237,8 @@ CASES = [
     ),
     Exchange(3.5e-3, STIFFNESS, 0.0, MASS, 5e3, 3.0, "tick_mean", 2, 2, "generalized_alpha"),
     Exchange(2e-3, STIFFNESS, 0.0, MASS, 5e3, 3.0, "tick_mean", 3, 1, "runge_kutta_4"),
+    Exchange(7e-3, STIFFNESS, 0.0, MASS, force="predicted", soil_steps=20),
+    Exchange(8e-3, STIFFNESS, 0.0, MASS, 2e3, 0.0, "predicted", 20, 2, "generalized_alpha"),
 ]
 UPPER = [
     Exchange(2e-3, STIFFNESS, 0.0, MASS),

@@ -41,7 +41,8 @@ class Exchange:
 
     @property
     def size(self) -> int:
-        """State: place, speed, acceleration, past accelerations, force held next."""
+        """State: place, speed, acceleration, past accelerations, force held next; of a predicted exchange all
+        but the force are those at the start of the tick that the force is of."""
         return 3 + self.past_count + 1
 
     def tick(self, state: np.ndarray) -> np.ndarray:
@@ -50,7 +51,9 @@ class Exchange:
         x, v, a = state[:3]
         history, force = state[3 : 3 + past], state[3 + past]
         x_end, v_end, a_end, history = self._mechanism(x, v, a, history, force)
-        return np.array([x_end, v_end, a_end, *history, self._soil(x, v, x_end, v_end)])
+        ahead = self.interval if self.force == "predicted" else 0.0
+        answer = self._soil(x + ahead * v, v, x_end + ahead * v_end, v_end)
+        return np.array([x_end, v_end, a_end, *history, answer])
 
     def matrix(self) -> np.ndarray:
         """(size, size) float64 map of a tick."""

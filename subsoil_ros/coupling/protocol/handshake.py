@@ -46,7 +46,10 @@ def external_nodes(scene: Scene) -> dict[str, str]:
 
 
 TICK_MEAN = "tick_mean"
-"""Capability: coupling.force: tick_mean."""
+"""Capability: a force that is the mean of a tick, as coupling.force has it but for tick_end."""
+
+PREDICTED = "predicted"
+"""Capability: predicts the motions of a tick, and moves by its wrenches."""
 
 DRIVER_COMMAND = "driver_command"
 """Capability: accepts the commands of a controller."""
@@ -70,7 +73,7 @@ def _installed_law(kind: str) -> str | None:
 _LAWS = tuple(filter(None, map(_installed_law, contact_laws())))
 
 CAPABILITIES: Mapping[str, tuple[str, ...]] = {
-    MECHANISM: (DRIVER_COMMAND, EARLY_END, BATCHES),
+    MECHANISM: (PREDICTED, DRIVER_COMMAND, EARLY_END, BATCHES),
     SOIL: (TICK_MEAN, EARLY_END, BATCHES, *_LAWS),
     RECORDER: (DRIVER_COMMAND, EARLY_END, BATCHES),
     CONTROLLER: (BATCHES,),
@@ -87,8 +90,10 @@ def needed_capabilities(scene: Scene) -> dict[str, dict[str, str]]:
         for node in nodes:
             needed.setdefault(node, {})[capability] = key
 
-    if scene.soil is not None and scene.coupling.force == "tick_mean":
-        add(TICK_MEAN, "coupling.force: tick_mean", SOIL)
+    if scene.soil is not None and scene.exchanged_force != "tick_end":
+        add(TICK_MEAN, f"coupling.force: {scene.exchanged_force}", SOIL)
+    if scene.predicts_motion:
+        add(PREDICTED, "coupling.force: predicted", MECHANISM)
     if scene.particle_soil is not None and (law := _installed_law(scene.particle_soil.law.kind)):
         add(law, f"soil.law.kind: {scene.particle_soil.law.kind}", SOIL)
     if scene.controller is not None:

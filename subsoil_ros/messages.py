@@ -48,6 +48,8 @@ class Head:
 class ToolMotion:
     """Pose and twist of a tool's body at its centre of mass, at the end of a tick; in the plane of travel.
 
+    Where motions are predicted (`Scene.predicts_motion`), the twist is that at the start of the tick.
+
     Readers of planar motion use the angle, readers of motion in space the quaternion.
     """
 
@@ -317,8 +319,8 @@ class MechanismState(Head):
 class CouplingReport(Head):
     """Interface account of a tick, by the coupler."""
 
-    mechanism_work_joule: float  # wrench the mechanism held x tool displacement, this tick
-    soil_work_joule: float  # as the soil summed it, this tick
+    mechanism_work_joule: float  # of the wrench that moved it; this tick, or where predicted the one before
+    soil_work_joule: float  # as the soil summed it, in the same tick
     residual_joule: float  # cumulative mechanism - soil
     absolute_work_joule: float  # cumulative sum of |soil work|
     residual_ratio: float  # |residual| / absolute work; 0 while no work was done

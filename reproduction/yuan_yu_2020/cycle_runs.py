@@ -233,7 +233,7 @@ def scene_of(case: Case, out: Path) -> Path:
     free = next(one for one in cases() if (one.name, one.seed) == (whose, case.seed))
     name = free.key.rpartition("-")[0]
     every_step: Document = {
-        "coupling": {"communication_step_ns": "soil_step"},
+        "coupling": {"communication_step_ns": "soil_step", "force": "tick_end"},
         "record": {"series_ticks": 20},
     }
     changes: Document = {"base": str(SCENE), "name": name, **every_step, **case.changes}

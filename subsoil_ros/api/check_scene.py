@@ -208,6 +208,6 @@ def _warnings(resolved: ResolvedScene, bounds: tuple[CouplingBound, ...]) -> Ite
         if resolved.timing.communication_step_s > bound.undamped_s:
             yield (
                 f"coupling.communication_step_ns: {resolved.timing.communication_step_ns} is above "
-                f"{bound.undamped_s * 1e9:.0f} ns for tool '{bound.tool}': the held force outweighs the "
+                f"{bound.undamped_s * 1e9:.0f} ns for tool '{bound.tool}': the exchange outweighs the "
                 "contact's damper and can fake vibration"
             )

@@ -1,8 +1,9 @@
 """Energy account of the interface between soil and mechanism.
 
-The mechanism moves through tick k under the wrench of tick k-1; the soil works against it with the forces of
-its own steps. Both works would be equal in an exchange without delay; their difference is energy that the
-exchange creates or loses.
+The mechanism moves through tick k under the wrench of tick k-1, or, where motions are predicted, through tick
+k - 1 itself; the soil works against it with the forces of its own steps. Both works would be equal in an
+exchange without delay; their difference is energy that the exchange creates or loses. A tick whose motion was
+predicted is booked with the next one, so the last of a run is not.
 """
 
 from collections.abc import Mapping
@@ -26,8 +27,8 @@ def held_work_joule(wrench: ToolWrench, before: ToolMotion, after: ToolMotion) -
 class InterfaceWork:
     """The account after a tick [J]."""
 
-    mechanism_work_joule: float = 0.0  # this tick, as the mechanism took it
-    soil_work_joule: float = 0.0  # this tick, as the soil summed it
+    mechanism_work_joule: float = 0.0  # in the tick booked last, as the mechanism took it
+    soil_work_joule: float = 0.0  # in the same, as the soil summed it
     residual_joule: float = 0.0  # since the start, mechanism less soil
     absolute_work_joule: float = 0.0  # since the start, sum of |soil work| of each tool and tick
 
@@ -67,6 +68,7 @@ class InterfaceAccount:
         leaps_within_s: duration of a tick by tool that may leap, which no force does.
         predicted_s: of a tick whose motions are a prediction; None: they are what the wrenches give. Its
             work is then known one tick later.
+        begun: the motions are those of a tick, in a resumed run.
     """
 
     def __init__(
@@ -78,12 +80,12 @@ class InterfaceAccount:
         work: InterfaceWork | None = None,
         leaps_within_s: Mapping[str, float] | None = None,
         predicted_s: float | None = None,
+        begun: bool = False,
     ) -> None:
         self._leaps_within_s = leaps_within_s or {}
         self._predicted_s = predicted_s
         self.work = work or InterfaceWork()
-        started = self.work.absolute_work_joule > 0.0
-        self._motions = self._corrected(motions) if started else motions  # the initial ones are no prediction
+        self._motions = self._corrected(motions) if begun else motions  # the initial ones are no prediction
         self._wrenches = wrenches
         self._bound = bound
         self._grace_joule = grace_joule
@@ -159,8 +161,11 @@ def account_of(
     wrenches: tuple[ToolWrench, ...],
     step_s: float,
     work: InterfaceWork | None = None,
+    *,
+    begun: bool = False,
 ) -> InterfaceAccount:
-    """The interface account of a scene, from the initial exchange, or from a checkpoint; step_s: of a tick.
+    """The interface account of a scene, from the initial exchange, or from a checkpoint of a run that has
+    begun; step_s: of a tick.
 
     The bound applies where forces change the motion: not to tools on prescribed paths, nor to those that may
     leap, which follow a machine that waits for no force.
@@ -171,5 +176,5 @@ def account_of(
     bound = coupling.residual_bound if (scene.moved_by_participant and not leaps) or free else None
     predicted_s = step_s if scene.predicts_motion else None
     return InterfaceAccount(
-        motions, wrenches, bound, coupling.residual_grace_joule, work, leaps, predicted_s
+        motions, wrenches, bound, coupling.residual_grace_joule, work, leaps, predicted_s, begun
     )

@@ -46,7 +46,8 @@ class MotionSource(Resumable, Protocol):
         ...
 
     def advance(self, tick: int, wrenches: tuple[ToolWrench, ...]) -> tuple[ToolMotion, ...]:
-        """Motions at the end of `tick`, the wrenches being held through it."""
+        """Motions at the end of `tick`, the wrenches being held through it, or, where the scene predicts
+        motions, through the tick before, to which they answered."""
         ...
 
 

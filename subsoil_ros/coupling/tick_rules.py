@@ -60,7 +60,9 @@ class TickRules:
         self.state = state
         scene, timing = settings.resolved.scene, settings.resolved.timing
         step_s = timing.communication_step_s
-        self.account = account_of(scene, state.motions, state.wrenches, step_s, state.work)
+        self.account = account_of(
+            scene, state.motions, state.wrenches, step_s, state.work, begun=state.tick > INITIAL_TICK
+        )
         self._run_id, self._step_ns = settings.run_id, timing.communication_step_ns
         self._observer, self._stop_rule, self._writer = observer, stop_rule, checkpoint_writer
         self._added = state  # the tick to check next

@@ -2,11 +2,12 @@
 
 A force held over an interval H acts like negative damping. On a soil spring k with damper c under a mass m,
 for k H^2 / m << 1, the exchange is stable where (age of the force) k <= c <= 2 m / H. The force that acts
-within a tick is H / 2 old on average; a mean over n soil steps adds (n - 1) / (2 n) H. n contacts share one
-law, k = n K and c = n C, so the lower bound on the damper does not depend on n.
+within a tick is H / 2 old on average; a mean over n soil steps adds (n - 1) / (2 n) H. Contacts share one
+law, k and c are its K and C times their number, so this lower bound does not depend on the number.
 
-Where the mechanism predicts the motion of a tick, the force has no age. Its mean is then stable, for
-k H^2 <= m, where k^2 H^3 / (3 m) <= c <= 0.8 m / H.
+Where the mechanism predicts the motion of a tick, the force has no age. The mean of several steps is then
+stable where k^2 H^3 / (3 m) <= c <= 0.8 m / H, for k H^2 <= m, and may be up to k H^2 = 2 m; the force of one
+step where c <= 2 m / H - k H.
 tests/physics/test_exchange_stability.py compares the bounds with the exact one-tick map.
 """
 
@@ -46,8 +47,8 @@ class CouplingBound:
     """Longest intervals for one tool [s]."""
 
     tool: str
-    undamped_s: float  # above: the contact's damper no longer outweighs the held force
-    unstable_s: float  # above: the held force of the dampers makes the exchange unstable
+    undamped_s: float  # above: the contact's damper no longer outweighs what the exchange adds
+    unstable_s: float  # above: the exchange is unstable
     effective_mass_kg: float
     contact_count: float
 
@@ -57,12 +58,14 @@ def coupling_bounds(
     meshes: dict[str, ToolMesh],
     bed_modulus_newton_per_m3: float | None = None,
     external_masses_kg: Mapping[str, float] | None = None,
+    soil_steps: int | None = None,
 ) -> tuple[CouplingBound, ...]:
     """Bounds of every tool that a body carries, that rolls freely, or that a machine from outside moves;
     empty without a soil of this package.
 
     bed_modulus_newton_per_m3: of a wedge model, from its values or its file, or of a terrain.
     external_masses_kg: effective mass of each tool, as a machine from outside gives it.
+    soil_steps: in an interval; None: those of the scene.
 
     The effective mass is that of the free body at its farthest point, 1 / (1/m + d^2/J): joints only add
     to it, so the estimate is on the safe side. Of a tool that rolls freely it is J / r^2, r being the largest
@@ -82,12 +85,13 @@ def coupling_bounds(
     relaxation = min(boundary.damping / boundary.stiffness for boundary in boundaries)
     stiffness = max(boundary.stiffness for boundary in boundaries)
     damping = max(boundary.damping for boundary in boundaries)
-    age = force_age_ticks(scene.exchanged_force, derive_timing(scene).soil_steps)
+    soil_steps = soil_steps or derive_timing(scene).soil_steps
+    age = force_age_ticks(scene.exchanged_force, soil_steps)
     found = []
     for name, mass in masses.items():
         count = _contact_count(soil, meshes[name])
         if scene.predicts_motion:
-            limits = predicted_limits(mass, count * stiffness, count * damping, relaxation)
+            limits = predicted_limits(mass, count * stiffness, count * damping, relaxation, soil_steps)
         else:
             limits = relaxation / age, DAMPER_SHARE * mass / (count * damping) if damping > 0.0 else np.inf
         found.append(CouplingBound(name, *limits, effective_mass_kg=mass, contact_count=count))
@@ -95,13 +99,15 @@ def coupling_bounds(
 
 
 def predicted_limits(
-    mass: float, stiffness: float, damping: float, relaxation: float
+    mass: float, stiffness: float, damping: float, relaxation: float, soil_steps: int
 ) -> tuple[float, float]:
     """Longest intervals [s] with a predicted motion on a soil of this stiffness [N/m] and damping [N s/m]:
-    that up to which a damper of stiffness times `relaxation` [s] is enough, and that of the largest one."""
-    square = mass / stiffness
+    that up to which a damper of stiffness times `relaxation` [s] is enough, and that of a stable exchange."""
+    square, part = mass / stiffness, damping / stiffness
+    if soil_steps == 1:
+        return np.inf, float(0.5 * (np.sqrt(part**2 + 8.0 * square) - part))
     largest = PREDICTED_SHARE * mass / damping if damping > 0.0 else np.inf
-    return float(np.cbrt(3.0 * relaxation * square)), min(largest, float(np.sqrt(square)))
+    return float(np.cbrt(3.0 * relaxation * square)), min(largest, float(np.sqrt(2.0 * square)))
 
 
 def longest_exchange_ns(scene: Scene, meshes: dict[str, ToolMesh], every_step: Timing) -> int:
@@ -109,7 +115,8 @@ def longest_exchange_ns(scene: Scene, meshes: dict[str, ToolMesh], every_step: T
 
     every_step: of the scene with an exchange every soil step.
     """
-    bounds, step_ns = coupling_bounds(scene, meshes), every_step.communication_step_ns
+    several = 2 if scene.predicts_motion else None
+    bounds, step_ns = coupling_bounds(scene, meshes, soil_steps=several), every_step.communication_step_ns
     if not bounds:
         return step_ns
     undamped = min(bound.undamped_s for bound in bounds) * 1e9 / step_ns

@@ -36,6 +36,9 @@ from .validation import CHOICES, validated, value_at
 
 SIZE = ("soil", "particles", "radius_m")
 
+ROW_NS = 2_000_000
+"""Longest row of the series of a machine that predicts its motion, by default: means over 20 ms have ten."""
+
 SHORT_PRESET = "standard"
 """Of a scene in short that gives neither a preset nor the size of its particles."""
 
@@ -254,13 +257,19 @@ def _meshes(scene: Scene, directory: Path) -> dict[str, ToolMesh]:
 
 
 def _with_timing(draft: _Draft, scene: Scene, meshes: dict[str, ToolMesh]) -> tuple[Scene, Timing]:
-    """The scene with its communication step, where that follows from a material, and its steps."""
-    timing = derive_timing(scene)
-    if draft.material is None or scene.coupling.communication_step_ns != "auto":
-        return scene, timing
-    step = {"communication_step_ns": longest_exchange_ns(scene, meshes, timing)}
-    draft.document = merge(draft.document, {"coupling": step}, draft.shown)
-    scene = scene.model_copy(update={"coupling": scene.coupling.model_copy(update=step)})
+    """The scene with its communication step, where that follows from a material, and its steps; and with
+    rows of the series that suit a long step, where it has none of its own."""
+    timing, changes = derive_timing(scene), dict[str, Document]()
+    step_ns = timing.communication_step_ns
+    if draft.material is not None and scene.coupling.communication_step_ns == "auto":
+        step_ns = longest_exchange_ns(scene, meshes, timing)
+        changes["coupling"] = {"communication_step_ns": step_ns}
+    rows = "series_ticks" in scene.record.model_fields_set or scene.controller is not None
+    if scene.predicts_motion and not rows and step_ns * scene.record.series_ticks > ROW_NS:
+        changes["record"] = {"series_ticks": max(1, ROW_NS // step_ns)}
+    draft.document = merge(draft.document, changes, draft.shown)
+    parts = {key: getattr(scene, key).model_copy(update=part) for key, part in changes.items()}
+    scene = scene.model_copy(update=parts)
     return scene, derive_timing(scene)
 
 

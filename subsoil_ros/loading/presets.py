@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import SceneError
 from ..limits.soil_at_work import lowest_m, speed_and_depth
+from ..limits.stable_steps import REDUCED_INTERVAL_NS
 from ..scene.material import Material
 from ..scene.scene import Scene
 from ..scene.tool_mesh import ToolMesh
@@ -61,9 +62,10 @@ IN_DEPTH = {"fine": 10.0, "standard": 20.0 / 3.0, "coarse": 5.0}
 """Particle diameters in the depth of the tools, by preset. With ten, drafts are within 10 % of those at two
 thirds of the radius (validation/blades.md); the others: validation/trade.md."""
 
-TOUCH_IN_DEPTH = 20.0
-"""Diameters in the depth of the tools of the particles that would touch a tool where those of each preset do:
-tools are set back by the difference of the radii (validation/trade.md#setback)."""
+SET_BACK = {"fine": 0.5, "standard": 2.0 / 3.0, "coarse": 2.0 / 3.0}
+"""Setback of the tools over the radius: particles then touch a tool where such of a half and a third of their
+size would, and draw nearly what very small ones do (validation/limit.md#setback). With three quarters, one
+was pressed right through a shank."""
 
 WALLED = (
     "measured in a field with held sides; in a bin with walls drafts differ, the more the nearer the walls "
@@ -79,7 +81,7 @@ WEDGE_GRACE_JOULE = 300.0
 machine meets its first wedge, the residual is 4 % of the first 10 J; over 6 m it is 0.3 % of the work."""
 
 WEDGE_ROW_NS = 10_000_000
-"""Row of the series of tools on paths, as with 0.5 ms and the default of `record.series_ticks`."""
+"""Row of the series, as with 0.5 ms and the default of `record.series_ticks`."""
 
 WEDGE_TRAVEL_M = 0.005
 """Furthest travel in a communication step of tools on paths, whose motion no force changes: the mean draft is
@@ -177,7 +179,8 @@ def preset_changes(
             {"tools": whole} if whole else {}
         )
         if scene.mechanism is not None:
-            return changes | {"coupling": {"residual_grace_joule": WEDGE_GRACE_JOULE}}
+            row = {"series_ticks": WEDGE_ROW_NS // REDUCED_INTERVAL_NS}
+            return changes | {"coupling": {"residual_grace_joule": WEDGE_GRACE_JOULE}, "record": row}
         fastest = max((speed_and_depth(scene, key, meshes[key])[0] for key in _tillage(scene)), default=0.0)
         travel_m = 1e-9 * WEDGE_ROW_NS * (fastest or WEDGE_FASTEST_M_PER_S)
         ticks = next((n for n in WEDGE_TICKS if travel_m <= n * WEDGE_TRAVEL_M), WEDGE_TICKS[-1])
@@ -193,8 +196,7 @@ def preset_changes(
     low, high = material.radii_m
     radius = min(max(round(0.5 * min(depth / IN_DEPTH[name], width / LEAST_ACROSS), 4), low), high)
     particles: Document = {"soil": {"particles": {"radius_m": radius}}}
-    part = 1.0 - IN_DEPTH[name] / TOUCH_IN_DEPTH
-    setback_m = round(part * (0.5 * sum(soil.particles.bounds_m) if sized else radius), 5)
+    setback_m = round(SET_BACK[name] * (0.5 * sum(soil.particles.bounds_m) if sized else radius), 5)
     tools = {tool: {"setback_m": setback_m} for tool in _tillage(scene) if not scene.tools[tool].setback_m}
     return particles | {"tools": tools}
 

@@ -142,21 +142,21 @@ class MechanismEngine:
             )
         self._hold(tick, wrenches)
         if self._predicts and self._tick > INITIAL_TICK:
-            self._solve(self._state, self._tick)
+            self._solve(self._tick)
         if self._due is not None:
             self._drive(self._due)
             self._due = None
         if not self._predicts:
-            self._solve(self._state, tick)
+            self._solve(tick)
         self._tick = tick
         return self._motions(self._interval_ns * 1e-9 if self._predicts else 0.0)
 
-    def _solve(self, state: State, tick: int) -> None:
-        """Take a state from the start of a tick to its end. Raises RunError."""
+    def _solve(self, tick: int) -> None:
+        """Take the state from the start of a tick to its end. Raises RunError."""
         start = tick_end_s(tick - 1, self._interval_ns)
         if self._machine.model.integrator == GENERALIZED_ALPHA:
-            self._before = copied(state)
-        status = advance_tick(self._machine.model, state, self._work, start, self._steps)
+            self._before = copied(self._state)
+        status = advance_tick(self._machine.model, self._state, self._work, start, self._steps)
         if status != OK:
             raise self._fault(int(status), start)
 
@@ -192,16 +192,16 @@ class MechanismEngine:
         write_ramp(self._machine.model.functions, self._commanded_function, ramp)
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> MechanismState:
-        """State of the whole machine at the end of `tick`, the last one, with the stamp that the caller gives:
-        where the scene predicts motions, as the wrenches of the tick before leave it.
+        """State of the whole machine now, with the stamp that the caller gives.
 
-        Raises:
-            RunError: as advance.
+        Where the scene predicts motions, it is what the wrenches of the tick before would make of the last
+        tick; if they make no step, the state at its start: `advance` reports what the true ones do.
         """
         time, state = end_time_ns * 1e-9, self._state
         if self._predicts and self._tick > INITIAL_TICK:
-            state = copied(state)
-            self._solve(state, self._tick)
+            trial, start = copied(state), tick_end_s(self._tick - 1, self._interval_ns)
+            if advance_tick(self._machine.model, trial, self._work, start, self._steps) == OK:
+                state = trial
         behind = -0.5 if self._tick > INITIAL_TICK else 0.5
         return mechanism_state(
             self._machine,

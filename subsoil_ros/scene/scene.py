@@ -38,7 +38,7 @@ class Coupling(StrictModel):
     ) = Field(
         "auto",
         description="between two exchanges. auto: with particles one soil step, as soil_step; with "
-        "soil.material and a mechanism as many as keep to 0.8 of what dampers outweigh; without particles "
+        "soil.material and a mechanism as many as leave a fifth of the contact damping; without particles "
         "1 ms.",
     )
     mechanism_steps: int = Field(1, ge=1, le=1000, description="steps of the mechanism per exchange.")

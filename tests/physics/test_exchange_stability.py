@@ -84,13 +84,19 @@ def test_the_highest_damper_in_closed_form():
 @pytest.mark.parametrize("soil_steps", [1, 2, 5, 1000])
 @pytest.mark.parametrize("ratio", [0.01, 0.1, 0.3, 0.7, 1.0])
 def test_limits_of_a_predicted_motion(ratio, soil_steps):
-    """Stable with dampers from k^2 H^3 / (3 m) to 0.8 m / H, which the limits on H say the other way round."""
+    """Dampers from k^2 H^3 / (3 m) to 0.8 m / H are stable; the limits on H say it the other way round."""
     case = Exchange(2e-3, ratio * 3.0 / 4e-6, 0.0, 3.0, force="predicted", soil_steps=soil_steps)
     unit = case.mass / case.interval
     for damping in np.geomspace(ratio**2 / 3.0, PREDICTED_SHARE, 20) * unit:
         assert replace(case, damping=damping).radius() < 1.0
-        found = predicted_limits(case.mass, case.stiffness, damping, damping / case.stiffness)
+        soil = (case.stiffness, damping, damping / case.stiffness)
+        found = predicted_limits(case.mass, *soil, soil_steps)
         assert min(found) >= case.interval * (1.0 - 1e-9)
+    if soil_steps == 1:  # exact, and without a lower one
+        highest = (2.0 - ratio) * unit
+        assert_allclose(crossing(case, 0.1 * unit, 50.0 * unit), highest, rtol=1e-7)
+        soil = (case.stiffness, highest, highest / case.stiffness)
+        assert_allclose(predicted_limits(case.mass, *soil, 1), (np.inf, case.interval))
     if soil_steps == 1000 and ratio <= 0.1:  # of n steps the lower one is less by k H / (2 n)
         lowest = (ratio**2 / 3.0 - 0.5 * ratio / soil_steps) * unit
         assert_allclose(lowest_damping(case), lowest, rtol=0.02)

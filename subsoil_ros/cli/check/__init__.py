@@ -199,7 +199,7 @@ def _number(value: float) -> str:
 
 def _coupling(found: CheckResult) -> Table:
     title = f"coupling, interval {found.scene.timing.communication_step_ns * 1e-3:g} us"
-    headings = ("tool", "damper outweighs the held force up to", "stable up to", "estimated from")
+    headings = ("tool", "damper outweighs the exchange up to", "stable up to", "estimated from")
     bounds = table(title, headings, words=4)
     for bound in found.coupling:
         bounds.add_row(

@@ -90,10 +90,10 @@ def test_full_scene_is_described(check: Check) -> None:
 
 
 def test_exchange_that_is_doubtful_is_said(check: Check) -> None:
-    """An interval at which the held force wins is warned of."""
+    """An interval at which the exchange wins is warned of."""
     done = check(SCENES / "subsoiler_1s300_quick.yaml", "--set", "coupling.communication_step_ns=2000000")
     assert done.returncode == 0, done.stderr
-    assert "the held force outweighs the contact's damper" in " ".join(done.stdout.split())
+    assert "the exchange outweighs the contact's damper" in " ".join(done.stdout.split())
 
 
 def test_missing_file(refused: Callable[..., str]) -> None:

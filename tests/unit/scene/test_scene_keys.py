@@ -38,6 +38,6 @@ def test_rows_have_limits_defaults_and_units():
     """A number, a choice, a key that must be given, a time function."""
     assert row("key-soil-bed-kind-tiled", "solid_fraction")[:2] == ["number ≥ 0.55, ≤ 0.64", "`0.6`"]
     assert row("key-soil-bin", "depth_m")[:4] == ["number > 0", "required", "m", "of the bed."]
-    assert row("key-record", "compression")[:2] == ["`tick_end`, `tick_mean`", "`tick_end`"]
+    assert row("key-coupling", "force")[1] == "`auto`"
     assert row("key-soil-values-of-wedge", "rate_s_per_m")[2] == "s/m"
     assert row("key-tools-name-path", "speed_x_m_per_s")[0].startswith("[time function](#")

@@ -25,7 +25,7 @@ from ..ticks import INITIAL_TICK, tick_end_ns
 from .bag_folder import BagFolder, TopicInfo
 from .bag_reader import scene_attachments, scene_notes
 from .live_view import SERIES_DEPTH, LiveView
-from .message_codec import reader, writer
+from .message_codec import reader, standard_bytes, writer
 from .soil_clouds import cloud_from_message, height_map
 from .standard_messages import clock, latched_messages, tool_messages, transforms
 from .topics import (
@@ -186,7 +186,7 @@ class BagWriter:
         self._write_height_map(time_ns, pending)
         if self._schedule.series_due(tick):
             self._write_standard_messages(time_ns, pending)
-        self._emit_message(CLOCK, time_ns, clock(time_ns))
+        self._emit(CLOCK, time_ns, standard_bytes(CLOCK, clock(time_ns)))
 
     def _write_height_map(self, time_ns: int, pending: list[_Pending]) -> None:
         for item in pending:
@@ -207,12 +207,12 @@ class BagWriter:
         motions, wrenches = (
             records[kind].tools if kind in records else () for kind in (ToolMotions, ToolWrenches)
         )
-        for topic, message in tool_messages(self._scene, motions, wrenches, time_ns):
-            self._emit_message(topic, time_ns, message)
+        for topic, record in tool_messages(self._scene, motions, wrenches, time_ns):
+            self._emit(topic, time_ns, standard_bytes(topic, record))
         state: MechanismState | None = records.get(MechanismState)
         if state is not None or motions:
-            message = transforms(self._scene, state, motions, time_ns)
-            self._emit_message(TRANSFORMS, time_ns, message)
+            places = transforms(self._scene, state, motions, time_ns)
+            self._emit(TRANSFORMS, time_ns, standard_bytes(TRANSFORMS, places))
 
     def _emit_message(self, topic: str, time_ns: int, message: Message) -> None:
         self._emit(topic, time_ns, serialize(message))

@@ -24,7 +24,14 @@ from .. import messages
 from ..messages import FacetGroupForce, SoilCloud, ToolMotion, ToolWrench, motion_of
 from ..ticks import NANOSECONDS_PER_SECOND, tick_end_ns
 from .soil_clouds import point_cloud
-from .standard_messages import WORLD_FRAME
+from .standard_messages import (
+    WORLD_FRAME,
+    Clock,
+    PoseStamped,
+    StandardRecord,
+    TransformStamped,
+    WrenchStamped,
+)
 from .types import Message, message_type, older_deserializer, schema_text, serialize, typestore
 
 PLACES: dict[type, dict[str, str]] = {
@@ -43,6 +50,14 @@ PLACES: dict[type, dict[str, str]] = {
         "wrench.torque.z": "torque_z_newton_m",
     },
     FacetGroupForce: {"force.x": "force_x_newton", "force.y": "force_y_newton", "force.z": "force_z_newton"},
+    PoseStamped: {"pose.position": "position_m", "pose.orientation": "quaternion"},
+    WrenchStamped: {
+        "header.frame_id": "frame",
+        "wrench.force": "force_newton",
+        "wrench.torque": "torque_newton_m",
+    },
+    TransformStamped: {"transform.translation": "translation_m", "transform.rotation": "quaternion"},
+    Clock: {"clock": "stamp"},
 }
 """Attributes of records with other names than in the message: place in it -> attribute. Several numbers are a
 tuple."""
@@ -58,7 +73,7 @@ _ENCAPSULATION_BYTES = 4  # before the bytes that CDR aligns
 _ORDER: Literal["little"] = "little"
 
 
-def writer(kind: type, communication_step_ns: int) -> Callable[[Any], bytes]:
+def writer(kind: type, communication_step_ns: int = 0) -> Callable[[Any], bytes]:
     """Return the function that converts records of `kind` to CDR bytes.
 
     communication_step_ns: stamps the records that carry no time of their own with the end of their tick.
@@ -75,6 +90,17 @@ def writer(kind: type, communication_step_ns: int) -> Callable[[Any], bytes]:
         return fitting.bytes_of(fitting.numbers_of(record, communication_step_ns))
 
     return write
+
+
+def standard_bytes(topic: str, record: StandardRecord) -> bytes:
+    """CDR bytes of a standard record; those of a topic have the same texts, so each topic has a template."""
+    kind: type = type(record)
+    return _standard_writer(topic, kind)(record)
+
+
+@cache
+def _standard_writer(topic: str, kind: type) -> Callable[[Any], bytes]:
+    return writer(kind)
 
 
 def reader(kind: type, schema: str | None = None) -> Callable[[bytes], Any]:
@@ -232,8 +258,8 @@ class _Template:
         self._constant_bits = int.from_bytes(self._mask, _ORDER)
         self.constants = tuple(self._constants)
         """Texts, and lengths of sequences."""
-        self.fits = _compiled(f"lambda r, c: {' and '.join(self._checks)}")
-        self.numbers_of = _compiled(f"lambda r, step: ({', '.join(self._numbers)})")
+        self.fits = _compiled(f"lambda r, c: {' and '.join(self._checks) or True}")
+        self.numbers_of = _compiled(f"lambda r, step: ({', '.join(self._numbers)},)")
         self.record_of = _compiled(f"lambda n, c: {made}")
 
     def bytes_of(self, numbers: tuple[object, ...]) -> bytes:
@@ -256,7 +282,7 @@ class _Template:
             if field.codes:
                 made[attribute] = self._add_numbers(field, source, kind)
             elif field.item is None:
-                made[attribute] = self._add_text(repr(WORLD_FRAME) if field.path == _FRAME else source)
+                made[attribute] = self._add_text(repr(WORLD_FRAME) if field.attribute == _FRAME else source)
             else:
                 count = self._add_constant(f"len({source})", int)
                 add = self._add_text if field.item is str else partial(self._add_record, field.item)

@@ -1,10 +1,13 @@
 """Standard messages for other tools, derived from the records: poses, forces, /tf, /clock; URDF and surfaces.
 
+Those that are written often are records of their own, which message_codec.py converts to bytes.
+
 URDF and surfaces are latched, published once a run. Markers contain their triangles, so the tools can be
 shown from the bag alone; the URDF names mesh files.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -42,9 +45,55 @@ def vector(values: Sequence[float], name: str = "Vector3") -> Message:
     return message_class(f"geometry_msgs/msg/{name}")(*values)
 
 
-def clock(time_ns: int) -> Message:
-    """rosgraph_msgs/Clock."""
-    return message_class("rosgraph_msgs/msg/Clock")(clock=stamp(time_ns))
+@dataclass(frozen=True, slots=True)
+class PoseStamped:
+    """Pose of a tool's body in the world frame."""
+
+    end_time_ns: int
+    position_m: Vector
+    quaternion: Quaternion
+
+
+@dataclass(frozen=True, slots=True)
+class WrenchStamped:
+    """Soil on tool about the centre of mass, components in the body's frame."""
+
+    end_time_ns: int
+    frame: str
+    force_newton: Vector
+    torque_newton_m: Vector
+
+
+@dataclass(frozen=True, slots=True)
+class TransformStamped:
+    """Place of a body in the world frame."""
+
+    end_time_ns: int
+    child_frame_id: str
+    translation_m: Vector
+    quaternion: Quaternion
+
+
+@dataclass(frozen=True, slots=True)
+class TFMessage:
+    """Places of several bodies."""
+
+    transforms: tuple[TransformStamped, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """Simulated time."""
+
+    stamp: tuple[int, int]  # [s], [ns]
+
+
+StandardRecord = PoseStamped | WrenchStamped | TFMessage | Clock
+
+
+def clock(time_ns: int) -> Clock:
+    """The time as a record."""
+    return Clock(divmod(time_ns, NANOSECONDS_PER_SECOND))
 
 
 def body_frame(scene: Scene, tool: str) -> str:
@@ -54,69 +103,57 @@ def body_frame(scene: Scene, tool: str) -> str:
 
 def tool_messages(
     scene: Scene, motions: Iterable[ToolMotion], wrenches: Iterable[ToolWrench], time_ns: int
-) -> Iterator[tuple[str, Message]]:
-    """Topic and message of the pose of each tool, and then of its wrench."""
+) -> Iterator[tuple[str, StandardRecord]]:
+    """Topic and record of the pose of each tool, and then of its wrench."""
     motion_of = {motion.tool: motion for motion in motions}
     for tool, motion in motion_of.items():
-        yield pose_topic(tool), pose_stamped(motion, time_ns)
+        yield pose_topic(tool), PoseStamped(time_ns, motion.position_m, motion.quaternion)
     for wrench in wrenches:
         if wrench.tool in motion_of:
             frame = body_frame(scene, wrench.tool)
             yield wrench_topic(wrench.tool), wrench_stamped(wrench, motion_of[wrench.tool], frame, time_ns)
 
 
-def pose_stamped(motion: ToolMotion, time_ns: int) -> Message:
-    """geometry_msgs/PoseStamped of a tool's body in the world frame."""
-    return message_class("geometry_msgs/msg/PoseStamped")(
-        header=header(time_ns),
-        pose=message_class("geometry_msgs/msg/Pose")(
-            position=vector(motion.position_m, "Point"), orientation=vector(motion.quaternion, "Quaternion")
-        ),
-    )
+def wrench_stamped(wrench: ToolWrench, motion: ToolMotion, frame: str, time_ns: int) -> WrenchStamped:
+    """A wrench with components in the body's frame."""
 
-
-def wrench_stamped(wrench: ToolWrench, motion: ToolMotion, frame: str, time_ns: int) -> Message:
-    """geometry_msgs/WrenchStamped: soil on tool about the centre of mass, components in the body frame."""
-
-    def in_tool(x: float, y: float, z: float) -> Message:
+    def in_tool(x: float, y: float, z: float) -> Vector:
         if isinstance(motion, SpatialMotion):
             turn_x, turn_y, turn_z, turn_w = motion.quaternion
-            return vector(turned((-turn_x, -turn_y, -turn_z, turn_w), (x, y, z)))
+            return turned((-turn_x, -turn_y, -turn_z, turn_w), (x, y, z))
         forward, up = in_body(motion.angle_rad, x, z)
-        return vector((forward, y, up))
+        return forward, y, up
 
-    return message_class("geometry_msgs/msg/WrenchStamped")(
-        header=header(time_ns, frame),
-        wrench=message_class("geometry_msgs/msg/Wrench")(
-            force=in_tool(wrench.force_x_newton, wrench.force_y_newton, wrench.force_z_newton),
-            torque=in_tool(wrench.torque_x_newton_m, wrench.torque_y_newton_m, wrench.torque_z_newton_m),
-        ),
+    return WrenchStamped(
+        time_ns,
+        frame,
+        in_tool(wrench.force_x_newton, wrench.force_y_newton, wrench.force_z_newton),
+        in_tool(wrench.torque_x_newton_m, wrench.torque_y_newton_m, wrench.torque_z_newton_m),
     )
 
 
 def transforms(
     scene: Scene, state: MechanismState | None, motions: Iterable[ToolMotion], time_ns: int
-) -> Message:
-    """tf2_msgs/TFMessage: every body of the mechanism, or every tool on a path, in the world frame."""
-    if state is not None:
-        lateral = {tool.body: tool.lateral_m for tool in scene.tools.values()}
-        places: Iterable[tuple[str, Vector, Quaternion]] = (
-            (body.name, (body.x_m, lateral.get(body.name, 0.0), body.z_m), planar_quaternion(body.angle_rad))
+) -> TFMessage:
+    """Every body of the mechanism, or every tool on a path, in the world frame."""
+    if state is None:
+        return TFMessage(
+            tuple(
+                TransformStamped(time_ns, body_frame(scene, item.tool), item.position_m, item.quaternion)
+                for item in motions
+            )
+        )
+    lateral = {tool.body: tool.lateral_m for tool in scene.tools.values()}
+    return TFMessage(
+        tuple(
+            TransformStamped(
+                time_ns,
+                body.name,
+                (body.x_m, lateral.get(body.name, 0.0), body.z_m),
+                planar_quaternion(body.angle_rad),
+            )
             for body in state.bodies
         )
-    else:
-        places = ((body_frame(scene, item.tool), item.position_m, item.quaternion) for item in motions)
-    return message_class("tf2_msgs/msg/TFMessage")(
-        transforms=[
-            message_class("geometry_msgs/msg/TransformStamped")(
-                header=header(time_ns),
-                child_frame_id=name,
-                transform=message_class("geometry_msgs/msg/Transform")(
-                    translation=vector(position_m), rotation=vector(quaternion, "Quaternion")
-                ),
-            )
-            for name, position_m, quaternion in places
-        ]
     )
 
 

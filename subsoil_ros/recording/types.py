@@ -16,7 +16,16 @@ from ..errors import RecordingError
 from ..messages import Head, SoilCloud, SpatialMotion
 
 _OTHER_TYPES = {SoilCloud: "sensor_msgs/msg/PointCloud2", Head: "subsoil_msgs/msg/TickAck"}
-"""Types of records without a message of their name."""
+"""Types of records of messages.py without a message of their name."""
+
+_STANDARD_TYPES = {
+    "PoseStamped": "geometry_msgs/msg/",
+    "WrenchStamped": "geometry_msgs/msg/",
+    "TransformStamped": "geometry_msgs/msg/",
+    "TFMessage": "tf2_msgs/msg/",
+    "Clock": "rosgraph_msgs/msg/",
+}
+"""Packages of the types of standard_messages.py."""
 
 _OWN = "subsoil_msgs/msg/"
 BATCH = _OWN + "MessageBatch"
@@ -70,7 +79,7 @@ def _texts() -> dict[str, str]:
 
 def message_type(kind: type) -> str:
     """Type name of the message of records of `kind`, "subsoil_msgs/msg/Grant"."""
-    return _OTHER_TYPES.get(kind, _OWN + kind.__name__)
+    return _OTHER_TYPES.get(kind, _STANDARD_TYPES.get(kind.__name__, _OWN) + kind.__name__)
 
 
 @cache

@@ -35,9 +35,9 @@ from ...messages import (
     ToolMotions,
     ToolWrenches,
 )
+from ...recording.message_codec import standard_bytes
 from ...recording.standard_messages import clock
 from ...recording.topics import CLOCK
-from ...recording.types import serialize
 from ...ticks import INITIAL_TICK, tick_end_ns
 from ...yaml_document import Document
 from ..process.heartbeat import Heartbeat, first_status
@@ -342,7 +342,8 @@ class CouplerNode(LockstepNode):
         if report is not None:
             self._reports.publish(self.bytes_of(report))
         if self._clock_publisher.get_subscription_count():
-            self._clock_publisher.publish(serialize(clock(tick_end_ns(tick, self._communication_step_ns))))
+            now = clock(tick_end_ns(tick, self._communication_step_ns))
+            self._clock_publisher.publish(standard_bytes(CLOCK, now))
         self.heartbeat.tick = tick
         rules.check()
         self._decide(rules)

@@ -22,6 +22,7 @@ from ...errors import InputError
 from ...extras import require
 from ...loading.loader import ResolvedScene
 from ...messages import RunRecord, SoilCloud, ToolMotions, ToolWrench, ToolWrenches
+from ...recording.message_codec import standard_bytes
 from ...recording.soil_clouds import height_map, point_cloud
 from ...recording.standard_messages import WORLD_FRAME, time_ns_of, tool_messages
 from ...recording.topics import HEIGHT_MAP, TOPIC_OF, TRANSFORMS, tool_topics
@@ -202,8 +203,8 @@ class FollowNode:
             means.append(ToolWrench(wrench.tool, fx, fy, fz, tx, ty, tz, 0.0, wrench.contact_count, ()))
         self._sums, self._ticks = {}, 0
         stamp_ns = self._follower.stamp_ns
-        for topic, message in tool_messages(self._scene, self._motions.tools, means, stamp_ns):
-            self._publishers[topic].publish(serialize(message))
+        for topic, record in tool_messages(self._scene, self._motions.tools, means, stamp_ns):
+            self._publishers[topic].publish(standard_bytes(topic, record))
 
     def _report(self) -> None:
         follower = self._follower

@@ -31,10 +31,10 @@ from ...messages import (
     ToolWrench,
     ToolWrenches,
 )
+from ...recording.message_codec import standard_bytes
 from ...recording.soil_clouds import recorded_cloud
 from ...recording.standard_messages import tool_messages
 from ...recording.topics import tool_topics
-from ...recording.types import serialize
 from ...ticks import INITIAL_TICK, tick_end_ns
 from ..process.heartbeat import Heartbeat
 from ..process.node_process import run_process
@@ -211,8 +211,8 @@ class SoilNode(LockstepNode):
     ) -> None:
         if self._visualization is not None:
             self._visualization.move(None, motions, end_ns)
-        for topic, message in tool_messages(self.run.resolved.scene, motions, wrenches, end_ns):
-            self._tool_publishers[topic].publish(serialize(message))
+        for topic, record in tool_messages(self.run.resolved.scene, motions, wrenches, end_ns):
+            self._tool_publishers[topic].publish(standard_bytes(topic, record))
 
 
 def build(

@@ -8,6 +8,7 @@ from rclpy.qos import DurabilityPolicy
 
 from ...loading.loader import ResolvedScene
 from ...messages import MechanismState, ToolMotion
+from ...recording.message_codec import standard_bytes
 from ...recording.standard_messages import latched_messages, transforms
 from ...recording.topics import LATCHED, TRANSFORMS
 from ...recording.types import serialize
@@ -65,5 +66,5 @@ class VisualizationPublisher:
     def move(self, state: MechanismState | None, motions: tuple[ToolMotion, ...], time_ns: int) -> None:
         """Publish the poses of the bodies or, in a scene without mechanism, of the tools."""
         if self._transforms is not None:
-            message = transforms(self._scene, state, motions, time_ns)
-            self._transforms.publish(serialize(message))
+            places = transforms(self._scene, state, motions, time_ns)
+            self._transforms.publish(standard_bytes(TRANSFORMS, places))

@@ -3,6 +3,7 @@
 import math
 import random
 import struct
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -23,7 +24,14 @@ from subsoil_ros.messages import (
     ToolWrench,
     ToolWrenches,
 )
-from subsoil_ros.recording.message_codec import from_message, reader, writer
+from subsoil_ros.recording.message_codec import from_message, reader, standard_bytes, writer
+from subsoil_ros.recording.standard_messages import (
+    PoseStamped,
+    TFMessage,
+    TransformStamped,
+    WrenchStamped,
+    clock,
+)
 from subsoil_ros.recording.types import deserialize, message_type, serialize, typestore
 from subsoil_ros.rotations import quaternion_of
 
@@ -134,3 +142,33 @@ def test_a_value_that_is_no_member_is_an_error() -> None:
     for _ in range(2):
         with pytest.raises(ValueError, match="9 is not a valid Command"):
             read(serialize(message))
+
+
+NOW = 3 * 10**9 + 7
+TURN = (0.0, 0.6, 0.0, 0.8)
+PLACE = TransformStamped(NOW, "a", (1.0, 2.0, 3.0), TURN)
+STANDARD = [
+    clock(NOW),
+    PoseStamped(NOW, (1.0, 2.0, 3.0), TURN),
+    WrenchStamped(NOW, "share", (1.0, 2.0, 3.0), (4.0, 5.0, 6.0)),
+    TFMessage((PLACE, replace(PLACE, child_frame_id="b"))),
+]
+
+
+def test_standard_records_are_what_rosbags_reads() -> None:
+    """Their numbers in the fields of these messages, the same bytes from rosbags; then with another name."""
+    found = []
+    for record in (*STANDARD, *STANDARD, replace(STANDARD[2], frame="left")):  # type: ignore[type-var]
+        data = standard_bytes(type(record).__name__, record)
+        found.append(deserialize(data, message_type(type(record))))
+        assert serialize(found[-1]) == data
+    for now, pose, wrench, tf in (found[:4], found[4:8]):
+        assert (now.clock.sec, now.clock.nanosec) == (3, 7)
+        assert (pose.header.stamp.nanosec, pose.header.frame_id) == (7, "world")
+        assert (pose.pose.position.z, pose.pose.orientation.w) == (3.0, 0.8)
+        assert (wrench.header.stamp.sec, wrench.header.frame_id) == (3, "share")
+        assert (wrench.wrench.force.x, wrench.wrench.torque.z) == (1.0, 6.0)
+        first, second = tf.transforms
+        assert (first.header.frame_id, first.child_frame_id, second.child_frame_id) == ("world", "a", "b")
+        assert (first.transform.translation.y, second.transform.rotation.y) == (2.0, 0.6)
+    assert found[8].header.frame_id == "left"

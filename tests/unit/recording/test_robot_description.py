@@ -48,9 +48,8 @@ def frames(resolved: ResolvedScene) -> tuple[dict[str, np.ndarray], dict[str, tu
     found = {}
     for item in transforms(resolved.scene, state, None, 0).transforms:
         matrix = np.eye(4)
-        turn, shift = item.transform.rotation, item.transform.translation
-        matrix[:3, :3] = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_matrix()
-        matrix[:3, 3] = shift.x, shift.y, shift.z
+        matrix[:3, :3] = Rotation.from_quat(item.quaternion).as_matrix()
+        matrix[:3, 3] = item.translation_m
         found[item.child_frame_id] = matrix
     return found, {body.name: (body.x_m, body.z_m, body.angle_rad) for body in state.bodies}
 

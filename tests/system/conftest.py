@@ -18,6 +18,7 @@ SMALL = {
     "soil.bin.width_m": 0.15,
     "soil.bin.depth_m": 0.25,
     "mechanism.initial.translate_x_m": 0.05,  # the share stands in the soil
+    "coupling.force": "predicted",
     "record.series_ticks": 5,
     "record.cloud_hz": 200,
 }

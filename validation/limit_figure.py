@@ -46,7 +46,7 @@ def draw(path: Path) -> None:
         axis.errorbar(*back[:, [0, 2, 3]].T, fmt="s", color="#b5651d", capsize=3, label="set back")
         for radius, setback, draft, _ in back:
             axis.annotate(f"{setback:g} mm", (radius, draft), (5, -10), textcoords="offset points", size=7)
-        axis.set(title=title, xlabel="radius mm", xlim=(-1.0, 24.0), ylim=(0.0, None))
+        axis.set(title=title, xlabel="radius mm", xlim=(-1.0, 26.0), ylim=(0.0, None))
     axes[0].set_ylabel("mean draft N")
     axes[0].legend(loc="lower right", fontsize=8)
     figure.savefig(path, dpi=110)

@@ -63,7 +63,7 @@ IN_DEPTH = {"fine": 10.0, "standard": 20.0 / 3.0, "coarse": 5.0}
 thirds of the radius (validation/blades.md); the others: validation/trade.md."""
 
 SET_BACK = {"fine": 0.5, "standard": 2.0 / 3.0, "coarse": 2.0 / 3.0}
-"""Setback of the tools over the radius: particles then touch a tool where some of half or a third of their size
+"""Setback of tools over the radius: particles then touch a tool where some of half or a third of their size
 would, and draw nearly what very small ones do (validation/limit.md#setback). With three quarters, one was
 pressed right through a shank."""
 

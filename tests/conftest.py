@@ -45,8 +45,10 @@ def _engine(
     steps: int = 1,
     tools: Sequence[str] = (),
     gravity_m_per_s2: float = 9.81,
+    force: str = "tick_end",
 ) -> MechanismEngine:
-    """Engine of a mechanism; `tools` are bodies that soil may push (no soil is simulated)."""
+    """Engine of a mechanism; `tools` are bodies that soil may push (no soil is simulated), by a wrench that is
+    held through the next tick, unless `coupling.force` is given."""
     document: dict[str, Any] = {
         "name": "machine",
         "duration_s": 1.0,
@@ -55,6 +57,7 @@ def _engine(
     }
     if tools:
         document["soil"] = SOIL
+        document["coupling"] = {"force": force}
         document["tools"] = {
             f"{body}_tool": {"body": body, "lateral_m": 0.1 * i, "groups": {"all": {"mesh": "none.stl"}}}
             for i, body in enumerate(tools)
@@ -65,7 +68,7 @@ def _engine(
 
 @pytest.fixture(scope="session")
 def mechanism_engine() -> Callable[..., MechanismEngine]:
-    """Factory: (mechanism, communication_step_ns, steps, tools, gravity_m_per_s2) -> engine at time 0."""
+    """Factory: (mechanism, communication_step_ns, steps, tools, gravity, force) -> engine at time 0."""
     return _engine
 
 

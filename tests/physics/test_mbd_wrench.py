@@ -76,6 +76,22 @@ def test_sliding_body_takes_the_impulse_along_its_rail(mechanism_engine, order, 
     assert reaction.moment_newton_m == pytest.approx(torque, rel=1e-9)
 
 
+def test_a_predicted_motion_is_corrected_by_the_wrench_of_its_tick(mechanism_engine):
+    """Poses go on at constant velocity; the answer to them acts from the start of their tick. Rows of the
+    series have the state that the last answer would make of the tick that waits for its own."""
+    engine = mechanism_engine(_block(4), tools=["block"], gravity_m_per_s2=0.0, force="predicted")
+    place, speed, interval = 0.3, 0.0, 1e-3
+    for tick, force in enumerate([999.0, 60.0, -30.0, 90.0]):  # the first is of the time before the run
+        if tick > 0:
+            place += interval * (speed + 0.5 * interval * force / MASS)
+            speed += interval * force / MASS
+        (motion,) = engine.advance(tick, (_wrench(force, 0.0, 0.0),))
+        assert motion.x_m == pytest.approx(place + interval * speed, rel=1e-14)
+        assert motion.velocity_x_m_per_s == pytest.approx(speed, rel=1e-14)
+        (body,) = engine.state("run", tick, 0).bodies
+        assert body.velocity_x_m_per_s == pytest.approx(speed + interval * force / MASS, rel=1e-14)
+
+
 def test_planar_moment_is_minus_torque_y(mechanism_engine):
     """A torque about +y turns a body clockwise in the x-z plane; torques about x and z do nothing."""
     engine = mechanism_engine(_block(4), tools=["block"], gravity_m_per_s2=0.0)

@@ -47,8 +47,8 @@ def _engine(
     gravity_m_per_s2: float = 9.81,
     force: str = "tick_end",
 ) -> MechanismEngine:
-    """Engine of a mechanism; `tools` are bodies that soil may push (no soil is simulated), by a wrench that is
-    held through the next tick, unless `coupling.force` is given."""
+    """Engine of a mechanism; `tools` are bodies that soil may push (no soil is simulated), by a wrench
+    that is held through the next tick, unless `coupling.force` is given."""
     document: dict[str, Any] = {
         "name": "machine",
         "duration_s": 1.0,

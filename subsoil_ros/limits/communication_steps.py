@@ -155,14 +155,14 @@ def _effective_masses_kg(scene: Scene, meshes: dict[str, ToolMesh]) -> dict[str,
 def _wedge_bounds(
     scene: Scene, modulus: float, meshes: dict[str, ToolMesh], masses: Mapping[str, float]
 ) -> tuple[CouplingBound, ...]:
-    """Bounds from the springs before shares and shanks: their damper is k H, so it outweighs the held force
-    at any H, up to that of a damper alone, k H = 2 m / H."""
-    found = []
+    """Bounds from the springs before shares and shanks: their damper is k H, so it outweighs the exchange at
+    any H, up to that of a damper alone, k H = 2 m / H."""
+    found, share = [], PREDICTED_SHARE if scene.predicts_motion else DAMPER_SHARE
     for name, mass in masses.items():
         if not scene.tools[name].is_tillage:
             continue
         faces = cutting_faces(meshes[name], f"tools.{name}")
-        longest = float(np.sqrt(DAMPER_SHARE * mass / (modulus * sum(face.area_m2 for face in faces))))
+        longest = float(np.sqrt(share * mass / (modulus * sum(face.area_m2 for face in faces))))
         found.append(CouplingBound(name, longest, longest, mass, float(len(faces))))
     return tuple(found)
 

@@ -28,6 +28,10 @@ set by springs fall with the root of the coordination only."""
 REDUCED_INTERVAL_NS = 1_000_000
 """Tick of a scene on the wedge model: its springs and wheels swing a hundred times slower."""
 
+PREDICTED_INTERVAL_NS = 2_000_000
+"""The same where the machine predicts its motion: the residual is half of what 1 ms has with a held force
+(validation/wedge.md). A controller, which counts in ticks, keeps 1 ms."""
+
 MECHANISM_INTERVAL_NS = 500_000
 """Tick of a scene without soil: 1/250 of the period of the paper's machine's fastest mode, 8 Hz."""
 
@@ -287,6 +291,8 @@ def derive_timing(scene: Scene) -> Timing:
                 "auto"
             )
         default_ns = MECHANISM_INTERVAL_NS if scene.soil is None else REDUCED_INTERVAL_NS
+        if scene.predicts_motion and scene.controller is None:
+            default_ns = PREDICTED_INTERVAL_NS
         communication_step_ns = default_ns if interval == "auto" else interval
         soil_steps = 0 if scene.soil is None else 1
     else:

@@ -265,7 +265,12 @@ def _with_timing(draft: _Draft, scene: Scene, meshes: dict[str, ToolMesh]) -> tu
         step_ns = longest_exchange_ns(scene, meshes, timing)
         changes["coupling"] = {"communication_step_ns": step_ns}
     rows = "series_ticks" in scene.record.model_fields_set or scene.controller is not None
-    if scene.predicts_motion and not rows and step_ns * scene.record.series_ticks > ROW_NS:
+    if (
+        scene.particle_soil is not None
+        and scene.predicts_motion
+        and not rows
+        and step_ns * scene.record.series_ticks > ROW_NS
+    ):
         changes["record"] = {"series_ticks": max(1, ROW_NS // step_ns)}
     draft.document = merge(draft.document, changes, draft.shown)
     parts = {key: getattr(scene, key).model_copy(update=part) for key, part in changes.items()}

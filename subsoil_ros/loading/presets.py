@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import SceneError
 from ..limits.soil_at_work import lowest_m, speed_and_depth
-from ..limits.stable_steps import REDUCED_INTERVAL_NS
+from ..limits.stable_steps import PREDICTED_INTERVAL_NS
 from ..scene.material import Material
 from ..scene.scene import Scene
 from ..scene.tool_mesh import ToolMesh
@@ -179,7 +179,7 @@ def preset_changes(
             {"tools": whole} if whole else {}
         )
         if scene.mechanism is not None:
-            row = {"series_ticks": WEDGE_ROW_NS // REDUCED_INTERVAL_NS}
+            row = {"series_ticks": WEDGE_ROW_NS // PREDICTED_INTERVAL_NS}
             return changes | {"coupling": {"residual_grace_joule": WEDGE_GRACE_JOULE}, "record": row}
         fastest = max((speed_and_depth(scene, key, meshes[key])[0] for key in _tillage(scene)), default=0.0)
         travel_m = 1e-9 * WEDGE_ROW_NS * (fastest or WEDGE_FASTEST_M_PER_S)

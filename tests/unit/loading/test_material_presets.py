@@ -158,7 +158,7 @@ def test_real_time_is_the_wedge_model_of_the_material(tmp_path):
     other laws and a copy of the file, which may have been changed."""
     found = load_scene("field_tine", {"preset": "real_time"})
     assert found.scene.wedge_soil is not None
-    assert load_scene("field_swing", {"preset": "real_time"}).timing.communication_step_ns == 1_000_000
+    assert load_scene("field_swing", {"preset": "real_time"}).timing.communication_step_ns == 2_000_000
     copy = tmp_path / "loam.yaml"
     copy.write_bytes(shipped_material(Path("loam")).read_bytes())
     bonded = load_scene("field_tine", {"preset": "real_time", "soil.material": "loam_bonded"})

@@ -248,10 +248,13 @@ def _end_of(log: Path, _: int) -> str:
 
 
 def _is_running(pid: int, words: list[str]) -> bool:
-    """Whether the process is there, and is the one that was started with these words."""
+    """Whether the process is there, and is the one that was started with these words.
+
+    A process that just begins, or just ends, has no words.
+    """
     with suppress(psutil.Error):
         process = psutil.Process(pid)
-        return process.status() != psutil.STATUS_ZOMBIE and process.cmdline()[-len(words) :] == words
+        return process.status() != psutil.STATUS_ZOMBIE and process.cmdline()[-len(words) :] in ([], words)
     return False
 
 

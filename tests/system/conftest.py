@@ -68,8 +68,9 @@ class Run:
         for child in psutil.Process(self.process.pid).children():
             if not is_alive(child.pid):
                 continue
-            module = next(word for word in child.cmdline() if word.startswith("subsoil_ros.ros.nodes."))
-            pids[module.rpartition(".")[2].removesuffix("_node")] = child.pid
+            words = child.cmdline()  # none where it just ends
+            if module := next((word for word in words if word.startswith("subsoil_ros.ros.nodes.")), ""):
+                pids[module.rpartition(".")[2].removesuffix("_node")] = child.pid
         return pids
 
     def finish(self) -> tuple[int, str, str]:

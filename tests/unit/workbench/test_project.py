@@ -6,6 +6,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 import trimesh
 from hypothesis import given
@@ -180,6 +181,15 @@ def test_another_process_of_the_number_is_not_the_run(project: Project) -> None:
     file.write_text(json.dumps(json.loads(file.read_text()) | {"pid": os.getpid()}))
     assert jobs.jobs(project)[0].state == "failed"
     jobs.stop(project, "first")
+
+
+def test_a_run_that_just_begins_goes_on(project: Project, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Between fork and exec a process has no words."""
+    jobs.ask_for(project, "first", "pull")
+    file = project.runs / "first.job"
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"pid": os.getpid()}))
+    monkeypatch.setattr(psutil.Process, "cmdline", lambda _: [])
+    assert [job.state for job in jobs.jobs(project)] == ["running"]
 
 
 @pytest.mark.parametrize(

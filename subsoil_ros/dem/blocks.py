@@ -46,6 +46,13 @@ def history_place(pair, components=SPRINGS):
     return pair // BLOCK * (BLOCK * components) + pair % BLOCK
 
 
+def line_rows(count: int, width: int, kind: type) -> np.ndarray:
+    """(count, width) zeros from the start of a cache line on, so that no row crosses two lines."""
+    spare: np.ndarray = np.zeros(count * width + _LINE_BYTES, kind)
+    first = _first_on_line(spare)
+    return spare[first : first + count * width].reshape(count, width)
+
+
 def history_places(pair: np.ndarray, components: int) -> np.ndarray:
     """(p, components) places of the histories of pairs (p,) in an array of history_blocks."""
     first = pair // BLOCK * (BLOCK * components) + pair % BLOCK  # history_place

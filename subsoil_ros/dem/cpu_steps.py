@@ -119,9 +119,11 @@ class CpuSteps:
             kinematics, loads, masses, p.built_position, p.held,
             model.gravity_m_per_s2, step_s, (0.5 * model.soil.skin_m) ** 2,
         )  # fmt: skip
+        pairs = state.pairs
         of_pairs = (
-            state.pairs, bonds.kernel_arrays() if bonds is not None else NO_BONDS, kinematics,
-            *model.at_pairs(p, step_s), loads, state.pair_book,
+            pairs, np.repeat(np.arange(p.count, dtype=np.int32), np.diff(pairs.row_start)),
+            bonds.kernel_arrays() if bonds is not None else NO_BONDS, p.rows, *model.at_pairs(p, step_s),
+            state.pair_book,
         )  # fmt: skip
         of_walls = (
             state.walls, state.domain.planes, kinematics, *model.at_walls(p, step_s), loads,
@@ -199,7 +201,7 @@ class CpuSteps:
         model, state, domain = self._model, self.state, self.state.domain
         scales = np.broadcast_to(np.asarray(scale, np.float64), 3)
         p, pairs, strain = self.particles(), state.pairs, scales - 1.0
-        p.position *= scales
+        p.position[:] *= scales
         p.built_position *= scales.astype(np.float32)
         domain.bed = scaled(domain.bed, scales)
         model.features.periodic[:] = periods(domain.bed)
@@ -237,8 +239,8 @@ class CpuSteps:
     def damp(self, kept: float) -> None:
         """Every linear and angular velocity times `kept`."""
         p = self.particles()
-        p.velocity *= kept
-        p.angular_velocity *= kept
+        p.velocity[:] *= kept
+        p.angular_velocity[:] *= kept
 
     def listed_pair_count(self) -> int:
         """Pairs in the neighbour list, the skin included."""

@@ -129,7 +129,7 @@ class SoilEngine(SoilReadings):
         for name, given in (("velocity", velocity_m_per_s), ("angular_velocity", angular_velocity_rad_per_s)):
             if given is not None:
                 rows = finite_rows(name, given, len(position))
-                setattr(particles, name, rows.astype(self._model.precision))
+                getattr(particles, name)[:] = rows
         self._load(particles, BedOrigin(self.bed, position), state.rebuild_count)
 
     def damp(self, kept: float) -> None:

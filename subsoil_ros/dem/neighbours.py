@@ -99,13 +99,11 @@ def sort_by_cell(position, grid):
 
 
 @njit(cache=True, parallel=True)
-def take_rows(array, order):
-    """Rows order[k] of `array` (n, m), in that order."""
-    taken = np.empty((order.shape[0], array.shape[1]), array.dtype)
+def take_rows(array, order, taken_out):
+    """Puts rows order[k] of `array` (n, m) into `taken_out`, in that order."""
     for k in prange(order.shape[0]):
         for a in range(array.shape[1]):
-            taken[k, a] = array[order[k], a]
-    return taken
+            taken_out[k, a] = array[order[k], a]
 
 
 @njit(cache=True, inline="always")

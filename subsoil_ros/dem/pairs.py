@@ -1,9 +1,9 @@
 """Forces between particles, over the half list, slab by slab.
 
 The pairs of a slab are taken in blocks. Of each block the particles' states are gathered into scratch
-rows, the law is computed along the rows, where the compiler makes vector instructions of it, and the
-results are scattered to the particles in the order of the list. Histories live in blocks too, so that no
-copy is needed (dem.blocks).
+rows, eight pairs at a time (dem.vectors), the law is computed along the rows, where the compiler makes vector
+instructions of it, and the results are scattered to the particles in the order of the list. Histories live in
+blocks too, so that no copy is needed (dem.blocks).
 """
 
 import math
@@ -12,7 +12,14 @@ import numpy as np
 from numba import njit, prange
 
 from ..contact_laws.base import SHARED_SINKS, ContactMotion, ContactState
-from ..contact_laws.features import books_energy, has_materials, has_sizes, is_unlike
+from ..contact_laws.features import (
+    books_energy,
+    has_materials,
+    has_sizes,
+    is_endless,
+    is_periodic,
+    is_unlike,
+)
 from ..contact_laws.inverse_root import inverse_root
 from ..contact_laws.springs import like
 from .blocks import BLOCK, ROW, history_place, scratch_rows
@@ -33,9 +40,13 @@ from .contact import (
 from .mixture import ContactModel, pair_of
 from .per_particle import PARTS, added_up
 from .periodic import nearest_images
+from .vectors import LANES, add_eight, eight_zeros, load_eight, opposite, seen_from, store_eight, transposed
 
 _GATHERED = 12
 """Scratch rows: x_j - x_i, v_i - v_j, w_i, w_j. Results take their place: force on i, torque on i, on j."""
+
+_RESULTS = 2 * LANES
+"""Numbers of a pair's results for its particles: force and torque on i and two zeros, the same on j."""
 
 
 @inner_kernel(forceinline=True)
@@ -45,45 +56,62 @@ def stored_energy(overlap, history, pair, law, features):
     return normal_potential(overlap, state, law, features), spring_energy(overlap, state, law)
 
 
+@inner_kernel(forceinline=True)
+def _seen(k, last, owner, neighbour, rows):
+    """Two eights of pair k, or of the last one before `last`."""
+    k = min(k, last - 1)
+    return seen_from(rows.place, rows.motion, np.int64(owner[k]), np.int64(neighbour[k]))
+
+
 @inner_kernel()
-def _gather(first_row, pair, last, pairs, kinematics, model, rows_out):
-    """States of the pairs pair <= k < last into the scratch rows; pair `pair` is in row `first_row`."""
-    row_start, neighbour = pairs.row_start, pairs.neighbour
-    position, velocity, angular_velocity = kinematics
+def _gather(pair, last, owner, pairs, rows, model, scratch_out):
+    """States of the pairs pair <= k < last into the scratch rows."""
+    neighbour = pairs.neighbour
     law, mixture, features, _ = model
-    i, end = first_row, row_start[first_row + 1]
-    start = pair
-    while start < last:
-        while end <= start:
-            i += 1
-            end = row_start[i + 1]
-        stop = min(end, last)
-        px, py, pz = position[i, 0], position[i, 1], position[i, 2]
-        vx, vy, vz = velocity[i, 0], velocity[i, 1], velocity[i, 2]
-        wx, wy, wz = angular_velocity[i, 0], angular_velocity[i, 1], angular_velocity[i, 2]
-        for k in range(start, stop):
-            j = np.uint32(neighbour[k])
-            b = np.uint64(k - pair)
-            rows_out[0, b], rows_out[1, b], rows_out[2, b] = nearest_images(
-                position[j, 0] - px, position[j, 1] - py, position[j, 2] - pz, features
+    for k in range(pair, last, LANES):
+        b = k - pair
+        a0, b0 = _seen(k, last, owner, neighbour, rows)
+        a1, b1 = _seen(k + 1, last, owner, neighbour, rows)
+        a2, b2 = _seen(k + 2, last, owner, neighbour, rows)
+        a3, b3 = _seen(k + 3, last, owner, neighbour, rows)
+        a4, b4 = _seen(k + 4, last, owner, neighbour, rows)
+        a5, b5 = _seen(k + 5, last, owner, neighbour, rows)
+        a6, b6 = _seen(k + 6, last, owner, neighbour, rows)
+        a7, b7 = _seen(k + 7, last, owner, neighbour, rows)
+        dx, dy, dz, mass_i, vx, vy, vz, mass_j = transposed((a0, a1, a2, a3, a4, a5, a6, a7))
+        store_eight(scratch_out, b, dx)
+        store_eight(scratch_out, b + ROW, dy)
+        store_eight(scratch_out, b + 2 * ROW, dz)
+        store_eight(scratch_out, b + 3 * ROW, vx)
+        store_eight(scratch_out, b + 4 * ROW, vy)
+        store_eight(scratch_out, b + 5 * ROW, vz)
+        wx, wy, wz, radius_i, ox, oy, oz, radius_j = transposed((b0, b1, b2, b3, b4, b5, b6, b7))
+        store_eight(scratch_out, b + 6 * ROW, wx)
+        store_eight(scratch_out, b + 7 * ROW, wy)
+        store_eight(scratch_out, b + 8 * ROW, wz)
+        store_eight(scratch_out, b + 9 * ROW, ox)
+        store_eight(scratch_out, b + 10 * ROW, oy)
+        store_eight(scratch_out, b + 11 * ROW, oz)
+        if is_unlike(features):
+            store_eight(scratch_out, b + 12 * ROW, radius_i)
+            store_eight(scratch_out, b + 13 * ROW, radius_j)
+            if not has_materials(features):
+                store_eight(scratch_out, b + 14 * ROW, mass_i)
+                store_eight(scratch_out, b + 15 * ROW, mass_j)
+    if is_periodic(features) or is_endless(features):
+        for k in range(pair, last):  # again, in float64: the difference across the box is not rounded
+            i, j, b = owner[k], neighbour[k], k - pair
+            scratch_out[b], scratch_out[b + ROW], scratch_out[b + 2 * ROW] = nearest_images(
+                rows.place[j, 0] - rows.place[i, 0],
+                rows.place[j, 1] - rows.place[i, 1],
+                rows.place[j, 2] - rows.place[i, 2],
+                features,
             )
-            rows_out[3, b] = vx - velocity[j, 0]
-            rows_out[4, b] = vy - velocity[j, 1]
-            rows_out[5, b] = vz - velocity[j, 2]
-            rows_out[6, b] = wx
-            rows_out[7, b] = wy
-            rows_out[8, b] = wz
-            rows_out[9, b] = angular_velocity[j, 0]
-            rows_out[10, b] = angular_velocity[j, 1]
-            rows_out[11, b] = angular_velocity[j, 2]
-            if has_sizes(features) and not has_materials(features):
-                rows_out[12, b], rows_out[13, b] = mixture.radius[i], mixture.radius[j]
-                rows_out[14, b] = mixture.mass[i] * mixture.mass[j] / (mixture.mass[i] + mixture.mass[j])
-            elif is_unlike(features):
-                rows_out[12, b], rows_out[13, b], of_pair = pair_of(i, j, law, mixture, features)
-                for a, number in enumerate(of_pair):
-                    rows_out[14 + a, b] = number
-        start = stop
+    if has_materials(features):
+        for k in range(pair, last):
+            _, _, of_pair = pair_of(owner[k], neighbour[k], law, mixture, features)
+            for a, number in enumerate(of_pair):
+                scratch_out[k - pair + (14 + a) * ROW] = number
 
 
 @inner_kernel(forceinline=True, fastmath={"contract"})
@@ -160,7 +188,8 @@ def _compute(count, scratch, history, radius, step, common_law, features, book_o
                 law = numbers_at(scratch, b + 14 * ROW, ROW, common_law)
             else:
                 reduced = radius_i * radius_j / (radius_i + radius_j)
-                law = numbers_like(step, at_size(common_law, reduced, scratch[b + 14 * ROW]))
+                mass_i, mass_j = scratch[b + 14 * ROW], scratch[b + 15 * ROW]
+                law = numbers_like(step, at_size(common_law, reduced, mass_i * mass_j / (mass_i + mass_j)))
         acts, f, on_i, on_j, state, sinks = contact_of_pair(
             (scratch[b], scratch[b + ROW], scratch[b + 2 * ROW]),
             (scratch[b + 3 * ROW], scratch[b + 4 * ROW], scratch[b + 5 * ROW]),
@@ -185,11 +214,43 @@ def _compute(count, scratch, history, radius, step, common_law, features, book_o
                 book_out[a] += acts * sinks[a]
 
 
+@inner_kernel(forceinline=True)
+def _vector_at(scratch, b):
+    """Three eights: components of a vector of eight pairs from b on."""
+    return load_eight(scratch, b), load_eight(scratch, b + ROW), load_eight(scratch, b + 2 * ROW)
+
+
+@inner_kernel(forceinline=True)
+def _put_results(pair, on_i, on_j, results_out):
+    """Results of a pair of the block, from its two eights."""
+    store_eight(results_out, _RESULTS * pair, on_i)
+    store_eight(results_out, _RESULTS * pair + LANES, opposite(on_i, on_j))
+
+
 @inner_kernel()
-def _scatter(first_row, pair, last, pairs, scratch, loads_out):
+def _by_pair(count, scratch, results_out):
+    """Results of `count` pairs, row by row in `scratch`, pair by pair: (pairs, _RESULTS)."""
+    zero = eight_zeros(scratch)
+    for b in range(0, count, LANES):
+        fx, fy, fz = _vector_at(scratch, b)
+        ix, iy, iz = _vector_at(scratch, b + 3 * ROW)
+        jx, jy, jz = _vector_at(scratch, b + 6 * ROW)
+        on_i = transposed((fx, fy, fz, ix, iy, iz, zero, zero))
+        on_j = transposed((zero, zero, zero, jx, jy, jz, zero, zero))
+        _put_results(b, on_i[0], on_j[0], results_out)
+        _put_results(b + 1, on_i[1], on_j[1], results_out)
+        _put_results(b + 2, on_i[2], on_j[2], results_out)
+        _put_results(b + 3, on_i[3], on_j[3], results_out)
+        _put_results(b + 4, on_i[4], on_j[4], results_out)
+        _put_results(b + 5, on_i[5], on_j[5], results_out)
+        _put_results(b + 6, on_i[6], on_j[6], results_out)
+        _put_results(b + 7, on_i[7], on_j[7], results_out)
+
+
+@inner_kernel()
+def _scatter(first_row, pair, last, pairs, results, load_out):
     """Adds the results of the pairs pair <= k < last. Returns the row of the last one."""
     row_start, neighbour = pairs.row_start, pairs.neighbour
-    force, torque = loads_out
     i, end = first_row, row_start[first_row + 1]
     start = pair
     while start < last:
@@ -197,63 +258,57 @@ def _scatter(first_row, pair, last, pairs, scratch, loads_out):
             i += 1
             end = row_start[i + 1]
         stop = min(end, last)
-        ax, ay, az = force[i, 0], force[i, 1], force[i, 2]
-        bx, by, bz = torque[i, 0], torque[i, 1], torque[i, 2]
+        on_i = load_eight(load_out, LANES * i)
         for k in range(start, stop):
-            j = np.uint32(neighbour[k])
-            b = np.uint64(k - pair)
-            fx, fy, fz = scratch[0, b], scratch[1, b], scratch[2, b]
-            ax, ay, az = ax + fx, ay + fy, az + fz
-            bx, by, bz = bx + scratch[3, b], by + scratch[4, b], bz + scratch[5, b]
-            force[j, 0] -= fx
-            force[j, 1] -= fy
-            force[j, 2] -= fz
-            torque[j, 0] += scratch[6, b]
-            torque[j, 1] += scratch[7, b]
-            torque[j, 2] += scratch[8, b]
-        force[i, 0], force[i, 1], force[i, 2] = ax, ay, az
-        torque[i, 0], torque[i, 1], torque[i, 2] = bx, by, bz
+            on_j, found = LANES * np.int64(neighbour[k]), _RESULTS * (k - pair)
+            on_i = add_eight(on_i, load_eight(results, found))
+            store_eight(
+                load_out, on_j, add_eight(load_eight(load_out, on_j), load_eight(results, found + LANES))
+            )
+        store_eight(load_out, LANES * i, on_i)
         start = stop
     return i
 
 
 @inner_kernel()
-def _slab_forces(slab, pairs, bonds, kinematics, model, loads_out, book_out):
+def _slab_forces(slab, pairs, owner, bonds, rows, model, book_out):
     """Pairs of the particles of a slab, in list order. `book_out` (sinks,) gathers the sinks [J]."""
     law, mixture, features, step = model
     first, last = pairs.slab_start[slab], pairs.slab_start[slab + 1]
     count, common = _GATHERED, law
     if has_sizes(features) and not has_materials(features):
-        count += 3  # radii of i and j, reduced mass
+        count += 4  # radii and masses of i and j
         common = numbers_like(step, numbers_at(mixture.laws[0], 0, 1, law))
     elif is_unlike(features):
         count += 2 + len(law)  # radii of i and j, and the law of the pair
     kind = pairs.history.dtype
-    flat, of_bonds = scratch_rows(count, kind), scratch_rows(bond_rows(bonds), kind)
-    rows = flat.reshape((count, ROW))
+    scratch, of_bonds = scratch_rows(count, kind), scratch_rows(bond_rows(bonds), kind)
+    results = scratch_rows(_RESULTS, kind)
     pair, end = pairs.row_start[first], pairs.row_start[last]
     row = first
     while pair < end:
         stop = min(end, pair - pair % BLOCK + BLOCK)
-        _gather(row, pair, stop, pairs, kinematics, model, rows)
+        _gather(pair, stop, owner, pairs, rows, model, scratch)
         own = pairs.history[history_place(pair, components(law)) :]
-        put_bonds(stop - pair, pair, flat, of_bonds, slab, step, bonds, features)
-        _compute(stop - pair, flat, own, mixture.common_radius, step, common, features, book_out)
-        add_bonds(stop - pair, flat, of_bonds, bonds)
-        row = _scatter(row, pair, stop, pairs, rows, loads_out)
+        put_bonds(stop - pair, pair, scratch, of_bonds, slab, step, bonds, features)
+        _compute(stop - pair, scratch, own, mixture.common_radius, step, common, features, book_out)
+        add_bonds(stop - pair, scratch, of_bonds, bonds)
+        _by_pair(stop - pair, scratch, results)
+        row = _scatter(row, pair, stop, pairs, results, rows.load)
         pair = stop
 
 
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def pair_forces(pairs, bonds, kinematics, law, mixture, features, step, loads_out, book_out):
-    """Adds the forces of all pairs, and updates their histories. `book_out` (slabs, sinks) [J] gathers the
-    sinks slab by slab. bonds: NoBonds or BondArrays. law to step: ContactModel."""
+def pair_forces(pairs, owner, bonds, rows, law, mixture, features, step, book_out):
+    """Adds the forces of all pairs to the loads of `rows`, and updates the pairs' histories. `book_out`
+    (slabs, sinks) [J] gathers the sinks slab by slab. owner (p,) int32: particle i of each pair. bonds:
+    NoBonds or BondArrays. rows: ParticleRows. law to step: ContactModel."""
     slabs = pairs.slab_start.shape[0] - 1
     for color in range(2):
         for half in prange((slabs + 1 - color) // 2):
             slab = 2 * half + color
             model = ContactModel(law, mixture, features, step)
-            _slab_forces(slab, pairs, bonds, kinematics, model, loads_out, book_out[slab])
+            _slab_forces(slab, pairs, owner, bonds, rows, model, book_out[slab])
 
 
 @inner_kernel()

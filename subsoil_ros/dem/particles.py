@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .blocks import line_rows
 from .neighbours import take_rows
 from .periodic import wrapped
 
@@ -24,6 +25,17 @@ class Loads(NamedTuple):
     torque: np.ndarray  # [N m]
 
 
+class ParticleRows(NamedTuple):
+    """Vectors of particles as the kernel of pairs takes them, beside one another and none across two lines of
+    the cache."""
+
+    place: np.ndarray  # (n, 4) float64: position [m], nothing
+    motion: (
+        np.ndarray
+    )  # (n, 8): velocity [m/s], angular velocity [rad/s]; of unequal ones radius [m], mass [kg]
+    load: np.ndarray  # (n, 8): force [N], torque [N m], nothing
+
+
 class Masses(NamedTuple):
     """Of every particle, or arrays (n,)."""
 
@@ -31,9 +43,14 @@ class Masses(NamedTuple):
     inertia: float | np.ndarray  # [kg m2]
 
 
+_VECTORS = (*Kinematics._fields, *Loads._fields)
+
+
 @dataclass
 class Particles:
     """All spheres, sorted by cell. World axes, SI, shape (n, 3) unless said.
+
+    The first five are copied into `rows`, and are views of them: write into them, none can be replaced.
 
     Positions are float64. The rest is float32 in mixed precision: a float32 position would lose slow
     motion, 0.1 um at 2 m, but a velocity or force loses only 1e-7 of itself.
@@ -53,6 +70,34 @@ class Particles:
     mass: np.ndarray  # (n,) [kg]
     inertia: np.ndarray  # (n,) [kg m2]
     material: np.ndarray  # (n,) int64: number of the layer it came from
+
+    def __post_init__(self) -> None:
+        kind, count = self.velocity.dtype.type, len(self.position)
+        rows = ParticleRows(
+            line_rows(count, 4, np.float64), line_rows(count, 8, kind), line_rows(count, 8, kind)
+        )
+        values = self.kinematics, self.loads
+        self._use(rows)
+        for views, vectors in zip((self.kinematics, self.loads), values, strict=True):
+            for view, vector in zip(views, vectors, strict=True):
+                view[:] = vector
+        self._put_sizes()
+
+    def _use(self, rows: ParticleRows) -> None:
+        self.rows = rows
+        vars(self).update(
+            position=rows.place[:, :3], velocity=rows.motion[:, :3], angular_velocity=rows.motion[:, 3:6],
+            force=rows.load[:, :3], torque=rows.load[:, 3:6],
+        )  # fmt: skip
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if name in _VECTORS and "rows" in vars(self):
+            raise AttributeError(f"{name}: is a view of rows; write into it")
+        super().__setattr__(name, value)
+
+    def _put_sizes(self) -> None:
+        if self.unequal:
+            self.rows.motion[:, 6], self.rows.motion[:, 7] = self.radius, self.mass
 
     @classmethod
     def at_rest(
@@ -75,6 +120,7 @@ class Particles:
         self.radius, self.material = radius, material
         self.mass = density[material] * 4.0 / 3.0 * np.pi * radius**3
         self.inertia = 0.4 * self.mass * radius**2
+        self._put_sizes()
 
     @property
     def kinematics(self) -> Kinematics:
@@ -103,8 +149,11 @@ class Particles:
 
     def reorder(self, order: np.ndarray) -> None:
         """Put particle order[k] in place k."""
-        for name in ("position", "velocity", "angular_velocity", "force", "torque"):
-            setattr(self, name, take_rows(getattr(self, name), order))
+        taken = []
+        for rows in self.rows:
+            taken.append(line_rows(len(order), rows.shape[1], rows.dtype.type))
+            take_rows(rows, order, taken[-1])
+        self._use(ParticleRows(*taken))
         for name in ["identity", "image", "held"] + self.unequal * ["radius", "mass", "inertia", "material"]:
             setattr(self, name, getattr(self, name)[order])
         self.built_position = self.position.astype(np.float32)

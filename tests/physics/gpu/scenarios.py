@@ -23,6 +23,7 @@ from subsoil_ros.errors import PhysicsError
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import SpatialMotion, ToolMotion
 from subsoil_ros.rotations import quaternion_of
+from tests.physics import plain_vectors
 
 ROW = {
     "stiffness_newton_per_m": 1e4, "tangential_stiffness_newton_per_m": 8e3,
@@ -298,8 +299,8 @@ def resumed(device: str, name: str, kept: dict[str, np.ndarray]) -> dict[str, np
         return run(engine, scenario, TICKS // 2, TICKS - TICKS // 2)
 
 
-def use_plain_roots() -> None:
-    """Replace numba's inverse root, whose seed works on bits, which plain Python has not."""
+def use_plain_python() -> None:
+    """Replace what works on bits or vectors of the processor, which plain Python has not."""
     import subsoil_ros.contact_laws.springs
     import subsoil_ros.dem.bonds.kernel
     import subsoil_ros.dem.pairs
@@ -310,6 +311,8 @@ def use_plain_roots() -> None:
     modules: Any = subsoil_ros.contact_laws.springs, subsoil_ros.dem.pairs, subsoil_ros.dem.bonds.kernel
     for module in modules:
         module.inverse_root = inverse_root
+    for name, function in plain_vectors.FUNCTIONS.items():
+        setattr(subsoil_ros.dem.pairs, name, function)
 
 
 def main(folder: Path, names: Sequence[str]) -> None:
@@ -317,7 +320,7 @@ def main(folder: Path, names: Sequence[str]) -> None:
     from subsoil_ros.dem.gpu.device import SIMULATED
 
     if SIMULATED:
-        use_plain_roots()
+        use_plain_python()
     for name in names:
         whole, kept = results("gpu", name)
         np.savez(folder / f"gpu {name}.npz", **whole)

@@ -200,7 +200,7 @@ def measure(
                 for change in point_overrides(scene, design, point, 0)
                 if not change.startswith("soil.") or change.startswith("soil.bin")  # particles are not there
             ]
-            wedge = load_scene(scene.path, (*changes, *_WEDGE, step))
+            wedge = load_scene(scene.path, (*changes, *_WEDGE, f"tools.{name}.setback_m=0.0", step))
             found.append(Measured(point, wedge, tip_x_m, runs, used))
     groups = scene.scene.tools[name].groups
     if any(len(item.numbers[0].mean_x_newton) != len(groups) for item in found):

@@ -46,13 +46,17 @@ def design(tmp_path: Path) -> Path:
 
 
 def test_values_that_are_known_are_found(design: Path, tmp_path: Path, capsys: Captured) -> None:
-    """Pulls of a wedge model, kept as if they were runs, give back its values; no run is made anew."""
+    """Pulls of a wedge model, kept as if they were runs, give back its values; no run is made anew. Particles
+    may reach into the tool; the wedge model's may not."""
+    document = yaml.safe_load(design.read_text())
+    document["overrides"].append("tools.tine.setback_m=0.002")
+    design.write_text(yaml.safe_dump(document))
     found = read_design(design)
     scene = base_scene(design, found)
     wedge = "soil={model: wedge, values: " + json.dumps(KNOWN) + "}"
     for point in (*found.fit, *found.check):
         changes = point_overrides(scene, found, point, 0)
-        soil = load_scene(scene.path, (*changes, wedge))
+        soil = load_scene(scene.path, (*changes, wedge, "tools.tine.setback_m=0.0"))
         keep_run(tmp_path / "runs", load_scene(scene.path, changes), execute(soil))
     out = tmp_path / "soil.yaml"
     assert main(["calibrate", str(design), "--out", str(out), "--runs", str(tmp_path / "runs")]) == 0

@@ -14,13 +14,14 @@ from numba import njit
 
 from benchmarks.throughput import Throughput
 
-PARTICLE_BYTES = {"float64": 428, "mixed": 260}
-"""float64: kick_drift 252 (both half kicks and the drift; reads 5 vectors and one of float32, writes 5),
-pair_forces 176 (reads 5, writes 2; one row start). mixed: positions as before, all other vectors half as
-long, 156 + 104."""
+PARTICLE_BYTES = {"float64": 564, "mixed": 340}
+"""float64: kick_drift 332 (both half kicks and the drift; reads rows of 32, 64 and 64 bytes and a vector of
+float32, writes the rows), pair_forces 232 (reads the rows, writes one of 64; one row start). mixed: the rows
+of 64 half as long, 204 + 136."""
 
-LISTED_PAIR_BYTES = {"float64": 100, "mixed": 52}
-"""Neighbour 4, shear and roll read and written 96 or 48. The other particle's vectors are in a cache."""
+LISTED_PAIR_BYTES = {"float64": 104, "mixed": 56}
+"""Numbers of both particles 8, shear and roll read and written 96 or 48. The other particle's rows are in a
+cache."""
 
 PAIR_FLOPS = 200
 """Operations of a listed pair, in reach or not: geometry 38, normal 15, tangential 57, rolling 43, forces and

@@ -47,10 +47,19 @@ def history_place(pair, components=SPRINGS):
 
 
 def line_rows(count: int, width: int, kind: type) -> np.ndarray:
-    """(count, width) zeros from the start of a cache line on, so that no row crosses two lines."""
+    """(count, width) zeros from the start of a cache line on, so that no row crosses two lines; other numbers
+    follow (rows_from)."""
     spare: np.ndarray = np.zeros(count * width + _LINE_BYTES, kind)
     first = _first_on_line(spare)
     return spare[first : first + count * width].reshape(count, width)
+
+
+def rows_from(rows: np.ndarray, first: int) -> np.ndarray:
+    """What stands from number `first` of each of line_rows on, as rows of the same width, also without gaps:
+    each ends with the numbers that the next one begins with."""
+    if len(rows) == 0:
+        return rows
+    return np.lib.stride_tricks.as_strided(rows[:, first:], rows.shape, rows.strides)
 
 
 def history_places(pair: np.ndarray, components: int) -> np.ndarray:

@@ -152,15 +152,15 @@ class CpuSteps:
         elif bed.period_m is not None:
             period = bed.period_m
             p.wrap(low[1], period)
-        grid = cell_grid(p.position, model.reach_m, low, high, period)
-        order, cell_start = sort_by_cell(p.position, grid)
+        grid = cell_grid(p.rows.place, model.reach_m, low, high, period)
+        order, cell_start = sort_by_cell(p.rows.place, grid)
         p.reorder(order)
         order = order if came_from is None else came_from[order]
         smaller = model.radius_m - p.radius if p.unequal else 0.0
         if bed.sides == "endless":
             row_start, neighbour = endless_list(bed, p.position, model.reach_m, smaller)
         else:
-            row_start, neighbour = half_list(p.position, grid, cell_start, model.reach_m, smaller)
+            row_start, neighbour = half_list(p.rows.place, grid, cell_start, model.reach_m, smaller)
         old = state.pairs
         history = history_blocks(len(neighbour), model.precision, components)
         carry_pairs(
@@ -189,7 +189,7 @@ class CpuSteps:
 
     def _near_walls(self, p: Particles) -> tuple[np.ndarray, np.ndarray]:
         """Particles near walls, and these walls; in a window without those held, which stand for walls."""
-        particle, wall = near_walls(p.position, self.state.domain.planes, self._model.wall_reach_m)
+        particle, wall = near_walls(p.rows.place, self.state.domain.planes, self._model.wall_reach_m)
         if self._model.soil.window is None:
             return particle, wall
         free = ~p.held[particle]
@@ -206,9 +206,9 @@ class CpuSteps:
         domain.bed = scaled(domain.bed, scales)
         model.features.periodic[:] = periods(domain.bed)
         if np.ndim(scale):
-            stretch_springs(pairs, p.position, strain, *model.seen_at_pairs(p))
+            stretch_springs(pairs, p.rows.place, strain, *model.seen_at_pairs(p))
             if state.bonds is not None:
-                state.bonds.stretch(pairs, p.position, strain)
+                state.bonds.stretch(pairs, p.rows.place, strain)
         state.strain += float(np.abs(strain).max())
         if state.strain > _STRAIN_OF_LISTS * model.soil.skin_m / model.radius_m:
             self.rebuild(())
@@ -275,13 +275,13 @@ class CpuSteps:
         """Contacts in reach, and the largest overlap [m]."""
         use_threads(self._threads)
         p, pairs, model = self.particles(), self.state.pairs, self._model
-        return contact_scan(pairs, p.position, *model.seen_at_pairs(p))
+        return contact_scan(pairs, p.rows.place, *model.seen_at_pairs(p))
 
     def stored_in_pairs_joule(self) -> float:
         """Energy stored between particles, bonds apart."""
         use_threads(self._threads)
         p, pairs, model = self.particles(), self.state.pairs, self._model
-        return pair_energy(pairs, p.position, *model.seen_at_pairs(p))
+        return pair_energy(pairs, p.rows.place, *model.seen_at_pairs(p))
 
 
 def tools_left_their_lists(model: SoilModel, state: SoilState, motions: tuple[ToolMotion, ...]) -> bool:

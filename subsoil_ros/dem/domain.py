@@ -87,4 +87,4 @@ class Domain:
     def outside(self, particles: Particles) -> np.ndarray:
         """(n,) bool: particles outside the domain."""
         radius = particles.radius if particles.unequal else self._radius
-        return outside(particles.position, self._limits, radius, self.ceiling_m)
+        return outside(particles.rows.place, self._limits, radius, self.ceiling_m)

@@ -296,7 +296,7 @@ class SoilEngine(SoilReadings):
         return arrays
 
     def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
-        """Continue from arrays of `state_arrays`, without copying them; replaces `start`.
+        """Continue from arrays of `state_arrays`, most of which are not copied; replaces `start`.
 
         Raises:
             KeyError, ValueError: the arrays are not of this scene and bed.

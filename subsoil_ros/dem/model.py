@@ -76,7 +76,8 @@ class SoilModel:
         if sizes is not None or self.soil.layers is not None:
             if radii_m is None and sizes is not None:
                 raise InputError("radii_m: is missing; a soil with particles.sizes needs one per particle")
-            radius = np.full(p.count, self.radius_m) if radii_m is None else np.array(radii_m, np.float64)
+            given = np.full(p.count, self.radius_m) if sizes is None else radii_m
+            radius = np.array(given, np.float64)
             if materials is None:
                 materials = material_at(self.soil, -position_m[:, 2])
             p.make_unequal(radius, np.array(materials, np.int64), self.density_kg_per_m3)

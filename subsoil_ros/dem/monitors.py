@@ -271,7 +271,8 @@ class SoilMonitor:
 
 
 @njit(cache=True, nogil=True)
-def _all_finite(position, velocity, angular_velocity):
+def _all_finite(kinematics):
+    position, velocity, angular_velocity = kinematics
     rest = 0.0
     for i in range(position.shape[0]):
         for a in range(3):
@@ -286,7 +287,7 @@ def refuse_lost_numbers(where: str, particles: Particles) -> None:
         PhysicsError: a particle fails.
     """
     p = particles
-    if _all_finite(p.position, p.velocity, p.angular_velocity):
+    if _all_finite(p.kinematics):
         return
     finite = (np.isfinite(p.position) & np.isfinite(p.velocity) & np.isfinite(p.angular_velocity)).all(axis=1)
     bad = np.flatnonzero(~finite)

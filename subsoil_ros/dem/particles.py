@@ -1,17 +1,20 @@
 """State of the soil: particles and the histories of their contacts."""
 
 from dataclasses import dataclass, fields
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from .blocks import line_rows
+from .blocks import line_rows, rows_from
 from .neighbours import take_rows
 from .periodic import wrapped
 
 
 class Kinematics(NamedTuple):
-    """Places and velocities of particles, as kernels take them; (n, 3), world axes."""
+    """Places and velocities of particles, as kernels take them: the first three numbers of rows, world axes.
+
+    The rows have no gaps: of (n, 3) views numba would compile other code for n < 2 than for n > 1.
+    """
 
     position: np.ndarray  # [m]
     velocity: np.ndarray  # [m/s]
@@ -19,7 +22,7 @@ class Kinematics(NamedTuple):
 
 
 class Loads(NamedTuple):
-    """Forces and torques on particles, as kernels take them; (n, 3), world axes."""
+    """Forces and torques on particles, as kernels take them: see Kinematics."""
 
     force: np.ndarray  # [N]
     torque: np.ndarray  # [N m]
@@ -76,11 +79,10 @@ class Particles:
         rows = ParticleRows(
             line_rows(count, 4, np.float64), line_rows(count, 8, kind), line_rows(count, 8, kind)
         )
-        values = self.kinematics, self.loads
+        vectors = [getattr(self, name) for name in _VECTORS]
         self._use(rows)
-        for views, vectors in zip((self.kinematics, self.loads), values, strict=True):
-            for view, vector in zip(views, vectors, strict=True):
-                view[:] = vector
+        for name, vector in zip(_VECTORS, vectors, strict=True):
+            getattr(self, name)[:] = vector
         self._put_sizes()
 
     def _use(self, rows: ParticleRows) -> None:
@@ -94,6 +96,9 @@ class Particles:
         if name in _VECTORS and "rows" in vars(self):
             raise AttributeError(f"{name}: is a view of rows; write into it")
         super().__setattr__(name, value)
+
+    def __reduce__(self) -> Any:  # a copy of views and rows apart would not hang together
+        return Particles, tuple(getattr(self, item.name) for item in fields(self))
 
     def _put_sizes(self) -> None:
         if self.unequal:
@@ -125,12 +130,12 @@ class Particles:
     @property
     def kinematics(self) -> Kinematics:
         """Places and velocities, not copied."""
-        return Kinematics(self.position, self.velocity, self.angular_velocity)
+        return Kinematics(self.rows.place, self.rows.motion, rows_from(self.rows.motion, 3))
 
     @property
     def loads(self) -> Loads:
         """Forces and torques, not copied."""
-        return Loads(self.force, self.torque)
+        return Loads(self.rows.load, rows_from(self.rows.load, 3))
 
     @property
     def unequal(self) -> bool:

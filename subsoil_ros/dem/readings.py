@@ -207,7 +207,7 @@ class SoilReadings:
         self._steps.flush_books()
         kinetic, gravity = self._steps.moving_joule()
         p = self.particles()
-        at_walls = wall_scan(state.walls, state.domain.planes, p.position, model.at_walls(p))[2]
+        at_walls = wall_scan(state.walls, state.domain.planes, p.rows.place, model.at_walls(p))[2]
         at_tools = sum(tool.stored_joule(p, model.at_tools(p)) for tool in state.tools)
         sinks = state.sinks + sum((tool.sinks_joule for tool in state.tools), np.zeros_like(state.sinks))
         booked = dict(zip(model.soil.law.sinks, sinks.tolist(), strict=True))
@@ -216,7 +216,7 @@ class SoilReadings:
             bonds = self.whole_state().bonds
             assert bonds is not None
             bonds.flush()
-            in_bonds = bonds.sums(state.pairs, p.position)[0]
+            in_bonds = bonds.sums(state.pairs, p.rows.place)[0]
             booked |= zip(BOND_SINKS, bonds.lost_joule.tolist(), strict=True)
         return EnergyBook(
             kinetic_joule=kinetic,
@@ -236,9 +236,9 @@ class SoilReadings:
         """(3, 3) mean stress of an endless bed, compression positive, along x, y and z; without dampers."""
         model, state = self._model, self.whole_state()
         pairs, p = state.pairs, state.particles
-        total = pair_stress(pairs, p.position, *model.seen_at_pairs(p))
+        total = pair_stress(pairs, p.rows.place, *model.seen_at_pairs(p))
         if state.bonds is not None:
-            total = total + state.bonds.sums(pairs, p.position)[1]
+            total = total + state.bonds.sums(pairs, p.rows.place)[1]
         return total / float(np.prod(self.bed.periods_m))
 
     def cloud(self, tick: int, end_time_ns: int) -> SoilCloud:

@@ -24,7 +24,7 @@ def _names(kind: Any) -> tuple[str, ...]:
 
 
 def from_named(kind: type[Record], prefix: str, arrays: Mapping[str, np.ndarray]) -> Record:
-    """What `named` took apart; it keeps the arrays.
+    """What `named` took apart, of the same arrays.
 
     Raises:
         KeyError: an array is missing.

@@ -103,7 +103,7 @@ class SoilState:
         return arrays
 
     def restore(self, model: SoilModel, arrays: Mapping[str, np.ndarray]) -> None:
-        """Continue from `arrays`, without copying them; the tools are there.
+        """Continue from `arrays`, of which those of particles are copied; the tools are there.
 
         Raises:
             KeyError: an array is missing.

@@ -1,8 +1,8 @@
 """Eight numbers at a time in kernels, where the compiler alone would move them one by one.
 
 A particle's vectors stand beside one another (dem.particles.ParticleRows), so its state comes with two loads
-and its force and torque go with one store; a transposition turns eight such rows into rows of eight pairs. Where
-vectors are narrower, the compiler splits them.
+and its force and torque go with one store; a transposition turns eight such rows into rows of eight pairs.
+Where vectors are narrower, the compiler splits them.
 """
 
 from typing import Any

@@ -254,7 +254,9 @@ def _is_running(pid: int, words: list[str]) -> bool:
     """
     with suppress(psutil.Error):
         process = psutil.Process(pid)
-        return process.status() != psutil.STATUS_ZOMBIE and process.cmdline()[-len(words) :] in ([], words)
+        ours = process.uids().real == os.getuid()  # the kernel's own have no words either
+        said = process.cmdline()[-len(words) :]
+        return ours and process.status() != psutil.STATUS_ZOMBIE and said in ([], words)
     return False
 
 

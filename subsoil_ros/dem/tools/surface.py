@@ -102,7 +102,7 @@ class ToolSurface:
     ) -> None:  # fmt: skip
         """Find the candidates within `reach` [m] of the tool at `motion`, particles being in new `order`."""
         particle, facet_start, facet = near_facets(
-            particles.position, cell_start, grid, self.kernel_motion(motion), self.facets.corner, reach
+            particles.rows.place, cell_start, grid, self.kernel_motion(motion), self.facets.corner, reach
         )
         old = self.near
         histories = carry_rows(
@@ -205,7 +205,7 @@ class ToolSurface:
     def stored_joule(self, particles: Particles, model: ContactModel) -> float:
         """Energy in this tool's contacts [J]."""
         motion = self.kernel_motion(self.last)
-        return tool_scan(self.near, self.facets, motion, particles.position, model)
+        return tool_scan(self.near, self.facets, motion, particles.rows.place, model)
 
     def state_arrays(self) -> dict[str, np.ndarray]:
         """Arrays for a checkpoint between two ticks; not copied."""

@@ -33,9 +33,7 @@ class ParticleRows(NamedTuple):
     the cache."""
 
     place: np.ndarray  # (n, 4) float64: position [m], nothing
-    motion: (
-        np.ndarray
-    )  # (n, 8): velocity [m/s], angular velocity [rad/s]; of unequal ones radius [m], mass [kg]
+    motion: np.ndarray  # (n, 8): velocity [m/s], angular velocity [rad/s], and if unequal radius and mass
     load: np.ndarray  # (n, 8): force [N], torque [N m], nothing
 
 

@@ -2,13 +2,12 @@
 
 import signal
 import tempfile
-import threading
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
+from ..coupling.exit_status import counted_interrupts
 from ..coupling.external import ExternalSoil, Machine, refuse_unlike
 from ..coupling.observer import RunWatch
 from ..coupling.run_settings import RunSettings
@@ -88,22 +87,9 @@ def _complete(frame: RunFrame, progress: Progress | None, *, lasting: bool = Tru
                 watch.signals.append(signal.SIGINT)
 
     watch.show = show
-    with _interrupts(watch.signals):
+    with counted_interrupts(watch.signals):
         _, failure = frame.complete("direct", lambda: frame.simulate(watch), watch, lasting=lasting)
     if failure is not None:
         raise failure
     if watch.signals:
         raise KeyboardInterrupt  # it came when the last tick was done; the results are whole
-
-
-@contextmanager
-def _interrupts(stopped: list[int]) -> Iterator[None]:
-    """Context in which Ctrl-C appends its signal to `stopped`; without effect outside of the main thread."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, lambda number, _: stopped.append(number))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)

@@ -1,7 +1,8 @@
 """Ctrl-C at any moment: what is awaited is said at once, and a second one ends the program.
 
 Python runs handlers of signals between its own instructions only, and a kernel takes a minute to compile. So
-a thread reads the signals from a pipe.
+a thread reads the signals from a pipe. And a library may swallow the exception that Python raises, in
+`__del__` for one; so work of many parts asks between them.
 """
 
 import os
@@ -17,6 +18,8 @@ from ..errors import InterruptedRunError
 SILENT_S = 0.7
 """Time that a program has to end before a line says what it waits for."""
 
+_seen = threading.Event()
+
 
 @contextmanager
 def answered_interrupts(verb: str) -> Iterator[None]:
@@ -26,6 +29,7 @@ def answered_interrupts(verb: str) -> Iterator[None]:
         return
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
+    _seen.clear()
     before = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
     thread = threading.Thread(target=_answer, args=(reader, verb), daemon=True)
     thread.start()
@@ -39,6 +43,12 @@ def answered_interrupts(verb: str) -> Iterator[None]:
         os.close(reader)
 
 
+def end_if_interrupted() -> None:
+    """Raise KeyboardInterrupt if Ctrl-C has come, also where the first one was swallowed."""
+    if _seen.is_set():
+        raise KeyboardInterrupt
+
+
 def _answer(reader: int, verb: str) -> None:
     """Answer the first SIGINT of a pipe, end the process at the second; return at a zero."""
     count = 0
@@ -46,6 +56,7 @@ def _answer(reader: int, verb: str) -> None:
         count += numbers.count(signal.SIGINT)
         if count == 0:
             continue
+        _seen.set()
         if count == 1 and not select.select([reader], [], [], SILENT_S)[0]:
             _say(f"subsoil {verb}: interrupted, {_awaited()}; Ctrl-C again ends it at once")
         elif count > 1:

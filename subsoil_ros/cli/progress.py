@@ -30,6 +30,7 @@ from rich.text import Text
 from ..cache_folders import kernel_cache_folder
 from ..kernel_cache import CompilationListener, soil_kernels_are_kept
 from ..ticks import tick_end_s
+from .interrupts import end_if_interrupted
 from .output import say
 
 if TYPE_CHECKING:
@@ -170,6 +171,7 @@ class SweepProgress:
 
     def begin(self, kept: int, count: int) -> None:
         """Start: `kept` of `count` runs are in the cache already."""
+        end_if_interrupted()
         self._done, self._count = kept, count
         before = "" if kept == count else "; the first ticks follow when beds and kernels are ready"
         self._say(f"{self._title}: {count} runs, {kept} of them kept from before{before}")
@@ -196,6 +198,7 @@ class SweepProgress:
             self._say(f"failed: {name}: {failure}")
         elif self._bars.disable:
             self._say(f"done: {name}; {self._done} of {self._count}")
+        end_if_interrupted()
 
     def _say(self, line: str) -> None:
         """Print a line above the bars."""

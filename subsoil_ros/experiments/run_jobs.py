@@ -8,20 +8,21 @@ import time
 import uuid
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 from urllib.parse import urlsplit
 
 from ..api.execution import RunResult, code_digest, execute, machine_name
+from ..coupling.exit_status import counted_interrupts
 from ..errors import InputError, RunError
 from ..loading.scene_bundle import SceneBundle, pack, unpack
 from .run_cache import CachedRun, find_run, keep_run
 from .sweep_points import Job
 
 if TYPE_CHECKING:
-    from distributed import Client, Future, LocalCluster
+    from distributed import Client, Future
 
 PATIENCE_S = 20.0
 """Longest wall time to wait for an answer of the scheduler and for its first worker; a wrong address is
@@ -180,8 +181,7 @@ def connected(scheduler: str | None, workers: int) -> Iterator["tuple[Client, in
     }
     with dask.config.set(settings):
         if scheduler is None:
-            with _local_cluster(workers) as cluster, Client(cluster) as client:
-                client.run(ignore_interrupts)  # in the main thread of each
+            with _local_client(workers) as client:
                 yield client, workers
             return
         try:
@@ -198,23 +198,29 @@ def connected(scheduler: str | None, workers: int) -> Iterator["tuple[Client, in
 
 
 @contextmanager
-def _local_cluster(workers: int) -> Iterator["LocalCluster"]:
-    from distributed import LocalCluster
+def _local_client(workers: int) -> Iterator["Client"]:
+    """Client of a cluster on this machine. Ctrl-C waits until it is there: half of one cannot be closed."""
+    from distributed import Client, LocalCluster
 
-    with (
-        tempfile.TemporaryDirectory(prefix="subsoil-dask-") as folder,
-        LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            processes=True,
-            host="127.0.0.1",
-            dashboard_address="127.0.0.1:0",
-            memory_limit=None,  # a run cannot be moved to the disk; the system's own limit counts
-            local_directory=folder,
-            silence_logs=logging.CRITICAL,
-        ) as cluster,
-    ):
-        yield cluster
+    stopped: list[int] = []
+    with ExitStack() as opened:
+        folder = opened.enter_context(tempfile.TemporaryDirectory(prefix="subsoil-dask-"))
+        with counted_interrupts(stopped):
+            cluster = LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                processes=True,
+                host="127.0.0.1",
+                dashboard_address="127.0.0.1:0",
+                memory_limit=None,  # a run cannot be moved to the disk; the system's own limit counts
+                local_directory=folder,
+                silence_logs=logging.CRITICAL,
+            )
+            client = opened.enter_context(Client(opened.enter_context(cluster)))
+            client.run(ignore_interrupts)  # in the main thread of each
+        if stopped:
+            raise KeyboardInterrupt
+        yield client
 
 
 def _look_over(client: "Client", scheduler: str) -> None:

@@ -1,10 +1,17 @@
-"""Ctrl-C while a kernel compiles: a word within seconds, and the end at the second one."""
+"""Ctrl-C while a kernel compiles: a word within seconds, and the end at the second one. None is lost."""
 
 import os
 import signal
 import subprocess
 import sys
+import time
+from contextlib import suppress
 from pathlib import Path
+
+import pytest
+
+from subsoil_ros.cli.interrupts import answered_interrupts
+from subsoil_ros.cli.progress import SweepProgress
 
 HEARD = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
 """A program that is started in the background may ignore Ctrl-C."""
@@ -57,3 +64,22 @@ def test_the_first_compilation_says_what_is_awaited(tmp_path: Path) -> None:
             process.send_signal(signal.SIGINT)
             assert "ended at once" in process.stderr.readline()
         assert process.wait() == 130
+
+
+def end_runs(progress: SweepProgress) -> None:
+    """End 500 runs; the thread that hears of an interrupt may come later than the next of them."""
+    for run in range(500):
+        time.sleep(0.01)
+        progress.ended(str(run), None)
+
+
+def test_an_interrupt_that_a_library_swallows_ends_the_runs_after_the_one_in_progress() -> None:
+    """Python swallows an exception in `__del__` and in callbacks of weak references."""
+    with answered_interrupts("sweep"), SweepProgress("sweep") as progress:
+        progress.begin(0, 500)
+        with suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        with pytest.raises(KeyboardInterrupt):
+            end_runs(progress)
+    with answered_interrupts("sweep"), SweepProgress("sweep") as progress:
+        progress.begin(0, 1)

@@ -153,6 +153,7 @@ def _progress(name: str, timing: Timing) -> Iterator[Callable[[int], None]]:
 
 
 def _print(fit: WedgeFit, out: Path) -> None:
+    from ..analysis.intervals import t_quantile
     from ..experiments.wedge_fit import searched_by
 
     console = stdout_console(highlight=True)
@@ -163,7 +164,9 @@ def _print(fit: WedgeFit, out: Path) -> None:
     shown["adhesion_part"] = values.adhesion_pa / values.cohesion_pa if values.cohesion_pa else 0.0
     for name in searched_by(fit.soil.values.theory):
         error = fit.soil.errors.get(name)
-        confidence = "at its bound" if error is None else f"+- {1.96 * error:.2g}"
+        confidence = "at its bound" if fit.freedoms else "not known: as many values as forces"
+        if error is not None:
+            confidence = f"+- {t_quantile(fit.freedoms) * error:.2g}"
         fitted.add_row(name, f"{shown[name]:.4g}", confidence)
     length = "period_m" if values.period_m else "period_factor"
     fitted.add_row("failure", values.failure, "by matching the fluctuation")

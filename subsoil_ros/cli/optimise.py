@@ -64,6 +64,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _print(result: "SearchResult", args: argparse.Namespace) -> None:
     from ..analysis.summary import short_name
+    from ..experiments.optimisation import in_every_run
 
     console = stdout_console()
     best = result.trials[0]
@@ -80,7 +81,11 @@ def _print(result: "SearchResult", args: argparse.Namespace) -> None:
         print_line(console, f"failed: {label}: {message}")
     if best.result.count < 2:
         print_line(console, "one bed seed: the beds' scatter is not known; add --seeds 0,1,2")
-    confirm = f"{args.scene} {result.best_scene} --preset standard --seeds 3 --out {args.out / 'confirmed'}"
+    own = [text for text in args.overrides if not text.startswith("preset=")]
+    also = f" {in_every_run(own)}" if own else ""
+    confirm = (
+        f"{args.scene} {result.best_scene} --preset standard{also} --seeds 3 --out {args.out / 'confirmed'}"
+    )
     print_line(
         console, "the best of many is partly luck; confirm it in other fields and with finer particles:"
     )

@@ -111,11 +111,6 @@ def _print(outcome: "Outcome", keys: list[str]) -> None:
             "window, so their means are of the whole run (the rule of the window: their summary.json)",
             soft_wrap=True,
         )
-    if outcome.engines > 1:
-        console.print(
-            f"warning: the cached runs are of {outcome.engines} states of the engines (column code); remove "
-            "the older ones from runs/ to have one"
-        )
     for path in outcome.paths:
         print_line(console, f"written: {path}")
 

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,8 +16,9 @@ from ..loading.files import shipped_scene
 from ..loading.loader import load_scene
 from ..loading.overrides import Override, as_fragment
 from ..yaml_document import Document, dump_yaml, merge
+from .run_cache import lack_of
 from .run_jobs import ExecutionOptions, Watcher, run_jobs
-from .run_sweep import RUNS, failed_of, open_folder, refuse_unknown, table_of, write_table, write_whole
+from .run_sweep import RUNS, open_folder, refuse_unknown, table_of, write_table, write_whole
 from .sweep_points import Job, Point, Variation, jobs_of, one_soil, seed_key
 
 REQUEST = "optimise.yaml"
@@ -92,6 +94,11 @@ class SearchResult:
     paths: list[Path]
 
 
+def in_every_run(overrides: Sequence[str]) -> str:
+    """Options of a command that give the same overrides."""
+    return " ".join(shlex.join(["--set", text]) for text in overrides)
+
+
 def parse_ranges(variations: Sequence[Variation]) -> tuple[Range, ...]:
     """Ranges of variations that are two numbers, least first.
 
@@ -142,8 +149,9 @@ def search(wanted: Search, out: Path, manner: ExecutionOptions, watcher: Watcher
         points = [Point({item.key: _proposed(trial, item) for item in wanted.ranges}) for trial in asked]
         jobs = jobs_of(wanted.scene, changes, points, wanted.seeds)
         runs = run_jobs(jobs, out / RUNS, manner, watcher)
-        failed += failed_of(jobs, runs)
-        tables.append(table_of(jobs, runs))
+        tables.append(table_of(jobs, runs).assign(failure=[lack_of(run) for run in runs]))
+        lacks = zip(jobs, map(lack_of, runs), strict=True)
+        failed += [(job.point.label, lack) for job, lack in lacks if lack]
         paths = write_table(pd.concat(tables, ignore_index=True), out / "trials")
         if any(run.failure is None for run in runs):
             refuse_unknown([wanted.least], tables[-1], "--least")
@@ -159,10 +167,10 @@ def search(wanted: Search, out: Path, manner: ExecutionOptions, watcher: Watcher
         raise RunError(f"no point has all its runs; {why}")
     trials.sort(key=lambda trial: trial.result.mean)
     best = out / "best.yaml"
-    write_whole(
-        best,
-        lambda part: part.write_text(dump_yaml(_scene(wanted, trials[0].values, of_corners[0])), "utf-8"),
-    )
+    text = dump_yaml(_scene(wanted, trials[0].values, of_corners[0]))
+    if wanted.overrides:
+        text = f"# found with {in_every_run(wanted.overrides)}, which this file has not\n{text}"
+    write_whole(best, lambda part: part.write_text(text, "utf-8"))
     return SearchResult(trials, failed, best, [*paths, best])
 
 

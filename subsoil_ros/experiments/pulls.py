@@ -32,7 +32,7 @@ from .fluctuation import (
     variance_of_means,
     without_trend,
 )
-from .run_cache import find_run, keep_run
+from .run_cache import find_run, keep_run, warn_of_other_code
 from .wedge_design import Point, WedgeDesign, point_overrides, tip_of, turned_tip_m
 
 RunProgress = Callable[[str, Timing], AbstractContextManager[Callable[[int], None]]]
@@ -107,6 +107,8 @@ def kept_pull(scene: ResolvedScene, folder: Path, name: str, threads: int, progr
     if kept is None or kept.failure is not None:
         with progress(name, scene.timing) as on_tick:
             kept = keep_run(folder, scene, execute(scene, threads, on_tick))
+    else:
+        warn_of_other_code([kept])
     if kept.failure is not None:
         raise kept.error(name)
     tool, keys = next(iter(scene.scene.tools.items()))

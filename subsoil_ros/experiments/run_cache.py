@@ -6,9 +6,11 @@ again, bit for bit.
 """
 
 import json
+import logging
 import os
 import shutil
 import tempfile
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -17,10 +19,12 @@ from pydantic import ValidationError
 
 from ..analysis.series import Series, read_series_csv
 from ..analysis.summary import Summary
-from ..api.execution import RunResult
+from ..api.execution import RunResult, code_digest
 from ..errors import InputError, RunError, SubsoilError
 from ..loading.loader import ResolvedScene
 from ..yaml_document import Document, read_document
+
+_logger = logging.getLogger(__name__)
 
 NAME_DIGITS = 32
 """Digits of the hash in the name of a folder."""
@@ -75,6 +79,25 @@ class CachedRun:
     def series(self) -> Series:
         """Its series, to the last bit."""
         return read_series_csv(self.folder / "series.csv")
+
+
+def lack_of(run: CachedRun) -> str:
+    """Why a run has no means of a working tool: its failure, or no row in its metrics window; or ""."""
+    if run.failure is None and run.metrics.window.whole_run:
+        return "no row lies in its metrics window, so its means would be of the whole run; make it longer"
+    return run.failure or ""
+
+
+def warn_of_other_code(runs: Iterable[CachedRun]) -> None:
+    """Warn of kept runs that other engines have made than those of this process: their numbers may differ."""
+    other = [run for run in runs if run.facts.get("code") != code_digest()]
+    if other:
+        _logger.warning(
+            "warning: %d kept runs are of another version of the engines, and may have other numbers: remove "
+            "%s to run all again",
+            len(other),
+            other[0].folder.parent,
+        )
 
 
 def _read_json(path: Path) -> Document:

@@ -18,7 +18,7 @@ from ..api.execution import RunResult, code_digest, execute, machine_name
 from ..coupling.exit_status import counted_interrupts
 from ..errors import InputError, RunError
 from ..loading.scene_bundle import SceneBundle, pack, unpack
-from .run_cache import CachedRun, find_run, keep_run
+from .run_cache import CachedRun, find_run, keep_run, warn_of_other_code
 from .sweep_points import Job
 
 if TYPE_CHECKING:
@@ -69,11 +69,9 @@ def run_jobs(jobs: Sequence[Job], cache: Path, manner: ExecutionOptions, watcher
         RunError: the scheduler went away.
     """
     wanted = {job.scene.scene_hash: job for job in jobs}  # equal scenes run once
-    missing = {
-        scene_hash: job
-        for scene_hash, job in wanted.items()
-        if _is_missing(find_run(cache, scene_hash), manner)
-    }
+    kept = {scene_hash: find_run(cache, scene_hash) for scene_hash in wanted}
+    missing = {key: job for key, job in wanted.items() if _is_missing(kept[key], manner)}
+    warn_of_other_code(run for key, run in kept.items() if run is not None and key not in missing)
     watcher.begin(len(wanted) - len(missing), len(wanted))
     if missing:
         _run_missing(missing, cache, manner, watcher)

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from ..errors import RunError
+from ..errors import InputError, RunError
 from ..yaml_document import dump_yaml
-from .run_cache import CachedRun
+from .run_cache import CachedRun, lack_of
 from .run_jobs import ExecutionOptions, Watcher, run_jobs
 from .run_metrics import half_widths_of, metrics_of
 from .run_sweep import RUNS, failed_of, open_folder, table_of, write_table, write_whole
@@ -62,6 +62,11 @@ def run_study(
         RunError: the reference run failed with every seed, so there is nothing to measure against.
     """
     jobs = study_jobs(scene, common, design)
+    if any(job.scene.scene.stop_when is not None for job in jobs):
+        raise InputError(
+            f"{scene}: has stop_when, and runs of unequal length have unequal times; add stop_when=null to "
+            "the overrides of the design"
+        )
     open_folder(out, REQUEST)
     request = {"scene": str(Path(scene).resolve()), "set": list(common), **design.model_dump(mode="json")}
     write_whole(out / REQUEST, lambda part: part.write_text(dump_yaml(request), encoding="utf-8"))
@@ -90,7 +95,7 @@ def _measured(jobs: Sequence[Job], runs: Sequence[CachedRun], *, by_record: bool
     found = []
     for job, run in zip(jobs, runs, strict=True):
         wall_s, cpu_s = run.facts["wall_s"], run.facts["cpu_s"]
-        if run.failure is None and wall_s and cpu_s is not None and job.point.seed is not None:
+        if not lack_of(run) and wall_s and cpu_s is not None and job.point.seed is not None:
             metrics = metrics_of(run)
             widths = half_widths_of(run, metrics) if by_record else {}
             found.append(Measurement(job.point.name, job.point.seed, wall_s, cpu_s, metrics, widths))
@@ -100,6 +105,6 @@ def _measured(jobs: Sequence[Job], runs: Sequence[CachedRun], *, by_record: bool
 def _failures(jobs: Sequence[Job], runs: Sequence[CachedRun]) -> dict[str, list[str]]:
     found: dict[str, list[str]] = {}
     for job, run in zip(jobs, runs, strict=True):
-        if run.failure is not None:
-            found.setdefault(job.point.name, []).append(run.failure)
+        if lack := lack_of(run):
+            found.setdefault(job.point.name, []).append(lack)
     return found

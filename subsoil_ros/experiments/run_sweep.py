@@ -83,7 +83,6 @@ class Outcome:
     best: Ranked | None
     failed: list[tuple[str, str]]  # label and message
     paths: list[Path]
-    engines: int  # number of versions of the engines that made the cached runs
     empty_windows: int  # runs without a row in their metrics window: their means are of the whole run
 
 
@@ -136,10 +135,8 @@ def run_sweep(
     columns = list(shown) or _usual_columns(table, spring)
     done = table[(table["failure"] == "") & (table["name"] == "")]
     figure = draw_response(done, sweep.axes, columns, out / "response.png")
-    return Outcome(
-        table, ranked, best, failed_of(jobs, runs), [*paths, *([figure] if figure else [])],
-        len({run.facts["code"] for run in runs}), empty,
-    )  # fmt: skip
+    paths += [figure] if figure else []
+    return Outcome(table, ranked, best, failed_of(jobs, runs), paths, empty)
 
 
 def _usual_columns(table: pd.DataFrame, spring: str | None) -> list[str]:

@@ -192,7 +192,7 @@ def _of(runs: dict[int, Measurement], metric: Metric) -> dict[int, float]:
 
 
 def _bound(judged: PresetResult, names: Sequence[str], seeds: int) -> float:
-    """Largest |error| that the intervals still hold; with one seed in all, of the errors themselves.
+    """Largest |error| that the intervals still hold; of errors without one where all have a single seed.
 
     Infinite where an error is not known: too few seeds are left, or the preset lost what is judged.
     """
@@ -201,7 +201,7 @@ def _bound(judged: PresetResult, names: Sequence[str], seeds: int) -> float:
         error = judged.errors.get(name)
         if error is None or (seeds > 1 and math.isnan(error.half_width)):
             return math.inf
-        ends.append(abs(error.mean) + (error.half_width if seeds > 1 else 0.0))
+        ends.append(abs(error.mean) + (0.0 if math.isnan(error.half_width) else error.half_width))
     return max(ends, default=math.nan)
 
 

@@ -131,7 +131,7 @@ def _legend(judged: Sequence[PresetResult], design: StudyDesign) -> list[str]:
         if metric.absent_in_some:
             told = "in brackets the value itself" if _told(judged, metric) else "no run has one"
             lines.append(f"{metric.label.capitalize()}: {told}; {metric.absent_in_some}.")
-    if len(design.seeds) == 1:
+    if len(design.seeds) == 1 and design.intervals != "records":
         lines.append("One seed: nothing says how much a difference means.")
     return lines
 

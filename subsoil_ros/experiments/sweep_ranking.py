@@ -37,18 +37,23 @@ class Ranked:
 
     @property
     def level_with_best(self) -> bool:
-        """Whether the seeds cannot resolve its difference from the best."""
-        return not self.behind_best.resolved
+        """Whether the seeds do not resolve that it draws more than the best."""
+        return not self.behind_best.low > 0.0
 
 
 def control_point(point: Point, control: Sequence[str]) -> Point:
     """Control of a point, from which its saving is counted: the point with the control's values.
 
     Values that the point varies in the same part of the scene are left as in the scene: the stiffness of a
-    locked spring has no effect.
+    locked spring has no effect. So is one of a key that the control gives, or of a mapping around it.
     """
-    parts = tuple(f"{text.partition('=')[0].strip().rpartition('.')[0]}." for text in control)
-    values = {key: value for key, value in point.values.items() if not key.startswith(parts)}
+    given = [text.partition("=")[0].strip() for text in control]
+    parts = tuple(f"{key.rpartition('.')[0]}." for key in given)
+    values = {
+        key: value
+        for key, value in point.values.items()
+        if not key.startswith(parts) and not any(f"{name}.".startswith(f"{key}.") for name in given)
+    }
     return Point(values, point.seed, CONTROL, tuple(control))
 
 
@@ -60,7 +65,7 @@ def rank(
     confidence: float,
     shown: Sequence[str] = (),
 ) -> list[Ranked]:
-    """Points by mean draft, least first; points without a draft are left out.
+    """Points by mean draft over the seeds that all have, least first; points without a draft are left out.
 
     runs: rows of the sweep, those of the controls among them, with columns of table_of.
     shown: further columns, given as mean with interval.
@@ -68,8 +73,10 @@ def rank(
     found = []
     for point in points:
         rows = _rows(runs, point)
-        done = rows[rows["failure"] == ""]
-        if MEAN_DRAFT not in done or done.empty:
+        if MEAN_DRAFT not in rows:
+            continue
+        done = rows[(rows["failure"] == "") & rows[MEAN_DRAFT].notna()]
+        if done.empty:
             continue
         drafts = _by_seed(done, MEAN_DRAFT)
         saving = None
@@ -81,7 +88,13 @@ def rank(
             load[f"{name}.range"] = float((done[f"{name}.max"] - done[f"{name}.min"]).mean())
         told = {name: mean_interval(done[name].dropna().tolist(), confidence) for name in shown}
         found.append((point, drafts, saving, load, len(rows) - len(done), told))
-    found.sort(key=lambda item: sum(item[1].values()) / len(item[1]))
+    common = set.intersection(*({*item[1]} for item in found)) if found else set()
+
+    def mean_draft(drafts: dict[int, float]) -> float:
+        counted = [draft for seed, draft in drafts.items() if seed in common or not common]
+        return sum(counted) / len(counted)
+
+    found.sort(key=lambda item: mean_draft(item[1]))
     return [
         Ranked(
             point.values,

@@ -118,7 +118,7 @@ def fit_wedge(
         fitted_law=law_of(soil),
         fitted_range=_range(used),
         values=values,
-        errors={name: float(error) for name, error in zip(names, deviation, strict=True)},
+        errors={name: float(error) for name, error in zip(names, deviation, strict=True) if freedoms},
         report={
             "scene": scene.scene.name,
             "points": [_row(item) for item in compared],

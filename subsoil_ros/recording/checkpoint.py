@@ -23,9 +23,10 @@ from numpy.typing import NDArray
 
 from .._version import __version__
 from ..errors import InputError, RecordingError
+from ..source_digest import law_digests
 from ..yaml_document import Document
 
-FORMAT = 2
+FORMAT = 3
 """Version of the format, increased when older checkpoints cannot be read any more."""
 
 KEPT = 2
@@ -123,7 +124,8 @@ def commit(directory: Path, tick: int, names: Sequence[str], facts: Document) ->
     folder = _folder(directory, tick)
     try:
         parts = {name: json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in names}
-        document = {"format": FORMAT, "package_version": __version__, "tick": tick, **facts, "parts": parts}
+        code = {"package_version": __version__, "laws": law_digests()}
+        document = {"format": FORMAT, **code, "tick": tick, **facts, "parts": parts}
         _write_document(folder / MANIFEST, document | {"sha256": document_sha256(document)})
         _sync_folder(folder)
         _sync_folder(directory)
@@ -200,11 +202,13 @@ def read_checkpoint(folder: Path, scene_hash: str | None = None) -> Checkpoint:
             folder, document["tick"], document["time_s"], document["run_id"], document["coupling"],
             document["parts"],
         )  # fmt: skip
-        version, scene = document["package_version"], document["scene_hash"]
+        version, laws, scene = document["package_version"], document["laws"], document["scene_hash"]
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{folder}: the checkpoint is damaged ({MANIFEST} cannot be read)") from error
     if version != __version__:
         raise InputError(f"{folder}: checkpoint of subsoil_ros {version}, this is {__version__}")
+    if laws != law_digests():
+        raise InputError(f"{folder}: checkpoint of other contact laws than those that are installed now")
     if scene_hash is not None and scene != scene_hash:
         raise InputError(
             f"{folder}: checkpoint of another scene (hash {scene[:12]}, given is {scene_hash[:12]}); give "

@@ -277,6 +277,7 @@ DAMAGES = {
     "cut manifest": (cut_manifest, "manifest.json cannot be read"),
     "format": (make_foreign("format", 0), "of format 0"),
     "version": (make_foreign("package_version", "0.0.1"), "of subsoil_ros 0.0.1"),
+    "laws": (make_foreign("laws", {"own": "f" * 64}), "of other contact laws"),
     "scene": (make_foreign("scene_hash", "f" * 64), "of another scene"),
 }
 

@@ -19,6 +19,7 @@ import psutil
 import pytest
 
 from subsoil_ros.analysis.intervals import Interval
+from subsoil_ros.analysis.summary import MEAN_DRAFT
 from subsoil_ros.api.execution import execute
 from subsoil_ros.cli.main import main
 from subsoil_ros.experiments.run_sweep import Sweep
@@ -334,6 +335,18 @@ def test_ranking_is_by_draft_and_savings_are_paired() -> None:
     assert [item.level_with_best for item in ranked] == [True, True, False, False]
 
 
+def test_the_best_is_best_on_the_seeds_that_all_have() -> None:
+    """A bed that failed for one point raises the mean of the others, and a draft that is not known none."""
+    table, points = made_up((1e5, 990.0, 1.0), (2e5, 985.0, 1.0), (4e5, 900.0, 1.0))
+    bed = (table["seed"] == 2) & (table["name"] == "")
+    table.loc[bed & (table["point"] == point_key(points[0])), "failure"] = "stopped"
+    table.loc[bed & (table["point"] == point_key(points[1])), MEAN_DRAFT] = 1100.0
+    table.loc[table["point"] == point_key(points[2]), MEAN_DRAFT] = math.nan
+    ranked = rank(points, table, [], None, 0.95)
+    assert [item.values["spring.stiffness"] for item in ranked] == [2e5, 1e5]
+    assert ranked[1].behind_best.mean == pytest.approx(5.0, abs=1.0)
+
+
 def test_columns_that_are_shown_stand_in_the_ranking() -> None:
     """Mean and half-width over the seeds; of keys whose values go together the first is drawn over."""
     table, points = made_up((1e5, 905.0, 800.0), (2e5, 900.0, 500.0))
@@ -366,6 +379,10 @@ def test_a_control_drops_what_it_makes_void() -> None:
     controls = {point_key(control_point(point, locked)) for point in points}
     assert len(controls) == 2
     assert control_point(points[0], locked).values == {"depth": 3}
+    soils = Point({"soil": "loam", "depth": 3})
+    for control in ("soil=clay_loam", "soil.material=clay_loam", "gravity_m_per_s2=1"):
+        kept = set(control_point(soils, (control,)).values)
+        assert kept == ({"depth", "soil"} if control.startswith("gravity") else {"depth"})
 
 
 def test_ranked_item_of_one_seed_is_not_told_apart() -> None:

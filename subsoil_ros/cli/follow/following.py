@@ -13,7 +13,7 @@ from ...coupling.exit_status import caught_signals
 from ...coupling.follow.follower import Follower, Replay
 from ...coupling.observer import RunWatch
 from ...coupling.run_settings import RunSettings
-from ...errors import InputError
+from ...errors import InputError, InterruptedRunError
 from ...experiments.sweep_points import seed_key
 from ...extras import require_ros
 from ...loading.loader import ResolvedScene, load_scene
@@ -65,7 +65,7 @@ def _run(args: argparse.Namespace, resolved: ResolvedScene, topics: Topics | Non
     summary, failure = frame.complete("direct", work, watch, reading=reading_bag, working=working)
     if isinstance(summary, Summary):
         print_summary(summary, resolved.scene, frame.out, reference=resolved.reference)
-    if failure is not None and not follower.is_reset:
+    if failure is not None and not (follower.is_reset and isinstance(failure, InterruptedRunError)):
         raise failure
     return follower.is_reset
 

@@ -15,6 +15,7 @@ TINY = {
         "tools.tine.path.start_z_m=0.24",
         "duration_s=0.03",
         "record.cloud_hz=0.0",
+        "report.window_inside_m=0.0",
     ],
     "reference": ["soil.time_step_s=2.0e-5"],
     "seeds": [0, 1],

@@ -49,10 +49,26 @@ def test_the_least_draft_is_found_and_can_be_run(scene: Path, tmp_path: Path, ca
     assert f"subsoil compare {scene} {out / 'best.yaml'}" in printed.replace("\n", "")
 
 
+def test_a_tool_that_never_comes_in_is_no_best(scene: Path, tmp_path: Path, capsys: Captured) -> None:
+    """Its mean would be of the way through air. What all runs have, the command for the best gives too."""
+    out, start = tmp_path / "out", "tools.tine.path.start_x_m"
+    window = "report={tip_m: [0.0, 0.0], window_inside_m: 0.05}"
+    words = ["optimise", str(scene), "--vary", f"{start}=-0.3,-0.02", "--trials", "6", "--set", window]
+    assert main([*words, "--out", str(out)]) == 0
+    table = pd.read_csv(out / "trials.csv", keep_default_na=False)
+    lacks = table["failure"].str.startswith("no row lies in its metrics window")
+    assert 0 < lacks.sum() < len(table)
+    best = load_scene(out / "best.yaml").document["tools"]["tine"]["path"]["start_x_m"]
+    assert best == table.loc[~lacks, start][table.loc[~lacks, DRAFT].astype(float).idxmin()]
+    assert (out / "best.yaml").read_text().startswith(f"# found with --set '{window}', which this file has")
+    printed = "".join(capsys.readouterr().out.split())
+    assert f"--presetstandard--set'{window}'--seeds3".replace(" ", "") in printed
+
+
 def test_a_scene_in_short_needs_no_name(scene: Path, tmp_path: Path) -> None:
     """It is that of the searched file, also in best.yaml."""
     blade = "{blade: {rake_deg: 30, width_m: 0.06}, depth_m: 0.2, speed_m_per_s: 0.5}"
-    scene.write_text(f"soil: loam\ntravel_m: 0.3\npreset: real_time\ntools: {{tine: {blade}}}\n")
+    scene.write_text(f"soil: loam\ntravel_m: 1.5\npreset: real_time\ntools: {{tine: {blade}}}\n")
     words = ["optimise", str(scene), "--vary", f"{RAKE}=28,34", "--trials", "1"]
     assert main([*words, "--out", str(tmp_path / "out")]) == 0
     assert load_scene(tmp_path / "out" / "best.yaml").scene.name == "blade"

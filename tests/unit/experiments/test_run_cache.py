@@ -11,7 +11,7 @@ from subsoil_ros.analysis.summary import SCHEMA_VERSION
 from subsoil_ros.api.execution import execute
 from subsoil_ros.cli.main import main
 from subsoil_ros.errors import InputError, RunError
-from subsoil_ros.experiments.run_cache import CachedRun, find_run, keep_run
+from subsoil_ros.experiments.run_cache import CachedRun, find_run, keep_run, warn_of_other_code
 from subsoil_ros.experiments.run_metrics import dominant_frequency_hz, half_widths_of, metrics_of, swing
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 
@@ -45,6 +45,22 @@ def test_kept_series_are_those_of_a_run(tmp_path: Path) -> None:
         np.testing.assert_array_equal(ours[name], values)
         assert ours[name].dtype == values.dtype
     assert kept.summary["scene"]["hash"] == found.scene_hash
+
+
+def test_a_run_of_other_engines_is_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """It is kept, and may have other numbers."""
+    found = scene()
+    kept = keep_run(tmp_path, found, execute(found))
+    warn_of_other_code([kept])
+    assert not caplog.messages
+    facts = json.loads((kept.folder / "run.json").read_text())
+    (kept.folder / "run.json").write_text(json.dumps(facts | {"code": "0123456789abcdef"}))
+    warn_of_other_code([CachedRun(kept.folder)])
+    (message,) = caplog.messages
+    assert (
+        f"1 kept runs are of another version of the engines, and may have other numbers: remove {tmp_path}"
+        in message
+    )
 
 
 def test_time_is_that_of_the_ticks(tmp_path: Path) -> None:

@@ -174,6 +174,9 @@ def test_intervals_of_records() -> None:
     assert error.mean == pytest.approx(0.1)
     assert error.half_width == pytest.approx(math.hypot(33.0, 1.1 * 25.0) / 1000.0)
     assert found["step: large"].verdict("draft_mean_newton") == "resolved"
+    first = [item for item in measured if item.seed == 0]
+    alone = {item.name: item for item in judge(design(intervals="records", seeds=[0]), first, {})}
+    assert alone["step: large"].bound == pytest.approx(0.1 + math.hypot(33.0, 1.1 * 30.0) / 1000.0)
     with pytest.raises(ValueError, match=r"with intervals: records it is 0\.95"):
         design(intervals="records", confidence=0.9)
 
@@ -336,6 +339,17 @@ def test_a_wrong_knob_shows_before_anything_runs(tmp_path: Path, capsys: Capture
     assert main(["study", scene, "--design", str(path), "--out", str(tmp_path / "out")]) == 2
     assert "did you mean 'skin_m'" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_runs_of_unequal_length_have_no_times_to_compare(tmp_path: Path, capsys: Captured) -> None:
+    """A scene that ends when its mean is known is refused."""
+    path = tmp_path / "design.yaml"
+    path.write_text(
+        yaml.safe_dump(design().model_dump(mode="json", exclude_defaults=True) | {"overrides": []})
+    )
+    words = ["study", "field_tine", "--design", str(path), "--out", str(tmp_path / "out")]
+    assert main(words) == 2
+    assert "add stop_when=null to the overrides" in capsys.readouterr().err
 
 
 def test_list_runs_nothing(capsys: Captured) -> None:

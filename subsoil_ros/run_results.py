@@ -20,6 +20,7 @@ from .analysis.columns import (
     draft_parts,
     spring_element,
 )
+from .analysis.fitted_range import words
 from .analysis.spectra import SLOWEST, Spectrum
 from .analysis.summary import KnownMean, Number, Summary, flattened, path_of
 from .limits.soil_at_work import speed_and_depth
@@ -362,6 +363,7 @@ def _mechanism_lines(summary: Summary) -> list[str]:
 def _load_lines(summary: Summary) -> list[str]:
     """Lines of the quantities that the run has."""
     lines = (
+        *_extrapolated(summary),
         _folded(summary),
         _stationarity(summary),
         _vertical(summary),
@@ -372,6 +374,15 @@ def _load_lines(summary: Summary) -> list[str]:
         _disturbance(summary),
     )
     return [line for line in lines if line]
+
+
+def _extrapolated(summary: Summary) -> list[str]:
+    """Warnings of tools outside the range in which their wedge model was fitted."""
+    return [
+        f"WARNING: {words(tool, key, item.model_dump())}"
+        for tool, items in (summary.loads.extrapolated or {}).items()
+        for key, item in items.items()
+    ]
 
 
 def _folded(summary: Summary) -> str:

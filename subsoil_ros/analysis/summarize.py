@@ -21,6 +21,7 @@ from .dead_centre import past_dead_centre_s
 from .disturbance import Disturbance, read_disturbance, write_height_map_csv, write_section_csv
 from .failure_cycles import SMOOTHED_S, FailureCycles, failure_cycles
 from .fatigue import LoadCycles, load_cycles, write_cycles_csv
+from .fitted_range import extrapolated
 from .loads import loads_of
 from .metrics_window import Window, metrics_window, tip_x_m, window_span_s
 from .series import Series, moving_mean, read_series, step_s
@@ -52,6 +53,7 @@ class RunStatistics:
     moving_extremes: dict[str, tuple[float, float]]  # of the 10 ms moving mean
     run_extremes: dict[str, tuple[float, float]]
     past_dead_centre_s: float | None  # when the shank passed that of its spring
+    extrapolated: Document  # what left the fitted range of a wedge model
 
     def column_metrics(self) -> dict[str, Document]:
         """Groups of single columns, by column, beside their mean: values of the fields of summary.Column."""
@@ -69,6 +71,8 @@ class RunStatistics:
         loads = dict(self.loads)
         if self.past_dead_centre_s is not None:
             loads["past_dead_centre_s"] = self.past_dead_centre_s
+        if self.extrapolated:
+            loads["extrapolated"] = self.extrapolated
         if self.cycles is not None:
             loads["rainflow"] = {
                 "cycle_count": float(self.cycles.count.sum()),
@@ -134,6 +138,7 @@ def run_statistics(bag: Path, resolved: ResolvedScene, series: Series, window: W
         moving_extremes={name: _extremes(values[rows]) for name, values in smooth.items()},
         run_extremes={name: _extremes(values) for name, values in smooth.items()},
         past_dead_centre_s=past_dead_centre_s(resolved.scene, series.columns),
+        extrapolated=extrapolated(series, resolved, window),
     )
 
 

@@ -250,6 +250,16 @@ class LoadCycleMetrics(StrictModel):
     )
 
 
+class Extrapolated(StrictModel):
+    """A quantity that left the range in which a wedge model was fitted, and the part of the window."""
+
+    least: Number
+    largest: Number
+    fitted_from: Number
+    fitted_to: Number
+    part: Number
+
+
 class Loads(StrictModel):
     """Over the window."""
 
@@ -262,6 +272,9 @@ class Loads(StrictModel):
     specific: Specific
     past_dead_centre_s: Number = Field(
         None, description="When the soil folded the shank past the dead centre of its spring."
+    )
+    extrapolated: dict[str, dict[str, Extrapolated]] | None = Field(
+        None, description="By tool and depth_m, speed_m_per_s or rake_rad: the force there is extrapolated."
     )
     rainflow: LoadCycleMetrics | None = None
 

@@ -105,6 +105,12 @@ def _print(outcome: "Outcome", keys: list[str]) -> None:
         console.print(
             f"{len(outcome.failed)} of {len(outcome.table)} runs failed; --retry-failed runs them again"
         )
+    if outcome.extrapolated:
+        console.print(
+            f"WARNING: {outcome.extrapolated} of {len(outcome.table)} runs left the range in which their "
+            "wedge model was fitted (columns loads.extrapolated of sweep.csv)",
+            soft_wrap=True,
+        )
     if outcome.empty_windows:
         console.print(
             f"WARNING: {outcome.empty_windows} of {len(outcome.table)} runs have no row in their metrics "

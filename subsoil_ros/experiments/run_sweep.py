@@ -83,6 +83,7 @@ class Outcome:
     best: Ranked | None
     failed: list[tuple[str, str]]  # label and message
     paths: list[Path]
+    extrapolated: int  # runs that left the range in which their wedge model was fitted
     empty_windows: int  # runs without a row in their metrics window: their means are of the whole run
 
 
@@ -136,7 +137,8 @@ def run_sweep(
     done = table[(table["failure"] == "") & (table["name"] == "")]
     figure = draw_response(done, sweep.axes, columns, out / "response.png")
     paths += [figure] if figure else []
-    return Outcome(table, ranked, best, failed_of(jobs, runs), paths, empty)
+    extrapolated = sum(run.failure is None and bool(run.metrics.loads.extrapolated) for run in runs)
+    return Outcome(table, ranked, best, failed_of(jobs, runs), paths, extrapolated, empty)
 
 
 def _usual_columns(table: pd.DataFrame, spring: str | None) -> list[str]:

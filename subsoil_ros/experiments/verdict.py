@@ -60,6 +60,11 @@ def cautions(sides: Sequence[Side]) -> Iterator[str]:
             "drafts of the presets standard and coarse err by up to 15 %, vertical forces by up to 9 % of "
             "the draft, otherwise for each tool and soil: smaller differences may be theirs"
         )
+    if any(soil.get("model") == "wedge" for soil in soils):
+        yield (
+            "drafts of a wedge model err by up to 7 % in loam and 16 % in bonded loam, otherwise for each "
+            "rake, depth and speed: smaller differences may be its own; confirm them with --preset standard"
+        )
     for side, soil in zip(sides, soils, strict=True):
         yield from _cautions_of(side)
         unlike = [f"soil.{key}" for key in sorted({*soil, *soils[0]}) if soil.get(key) != soils[0].get(key)]
@@ -85,6 +90,10 @@ def _cautions_of(side: Side) -> Iterator[str]:
             "no row lies in its metrics window, so its mean, min and max are of the whole run (the rule of "
             "the window: its summary.json)",
             sum(item["window"].get("whole_run") is True for item in summaries),
+        ),
+        (
+            "left the range in which its wedge model was fitted (loads.extrapolated in its summary.json)",
+            sum(bool(item["loads"].get("extrapolated")) for item in summaries),
         ),
         ("ended before its last tick", sum(item["run"].get("complete") is False for item in summaries)),
         (

@@ -249,8 +249,8 @@ def accuracy_lines(resolved: ResolvedScene, overrides: Sequence[str]) -> Iterato
     expected = resolved.presets[name].expected
     if expected is None:
         yield (
-            f"preset {name}: its error and its time are not known: the study of this scene has not been "
-            "run (`subsoil study` measures them)"
+            f"preset {name}: no study has measured its error and its time in this scene and soil; what is "
+            "known of other soils: docs/conclusions.md"
         )
         return
     yield _one_preset(f"preset {name}: expected error against {expected.against}", expected.errors, expected)
@@ -267,8 +267,9 @@ def accuracy_lines(resolved: ResolvedScene, overrides: Sequence[str]) -> Iterato
 
 
 def _changed(overrides: Sequence[str]) -> Iterator[str]:
-    """Note that overrides change the scene that was measured."""
-    changed = [text for text in overrides if text.partition("=")[0].strip() != "preset"]
+    """Note that overrides change the scene that was measured; presets belong to a material."""
+    own = ("preset", "soil.material")
+    changed = [text for text in overrides if text.partition("=")[0].strip() not in own]
     if changed:
         yield f"note: measured without {', '.join(f'--set {text}' for text in changed)}"
 

@@ -117,7 +117,7 @@ def test_check_quotes_what_was_measured(scene_file: Path, capsys: Captured) -> N
         assert words in text
     assert main(["check", str(scene_file), "--preset", "fine"]) == 0
     text = " ".join(capsys.readouterr().out.split())
-    assert "fine: its error and its time are not known: the study of this scene has not been run" in text
+    assert "fine: no study has measured its error and its time in this scene and soil" in text
     assert main(["check", str(scene_file)]) == 0
     text = " ".join(capsys.readouterr().out.split())
     assert "presets of this scene: fine, coarse" in text

@@ -197,7 +197,11 @@ def preset_changes(
     radius = min(max(round(0.5 * min(depth / IN_DEPTH[name], width / LEAST_ACROSS), 4), low), high)
     particles: Document = {"soil": {"particles": {"radius_m": radius}}}
     setback_m = round(SET_BACK[name] * (0.5 * sum(soil.particles.bounds_m) if sized else radius), 5)
-    tools = {tool: {"setback_m": setback_m} for tool in _tillage(scene) if not scene.tools[tool].setback_m}
+    tools = {
+        tool: {"setback_m": setback_m}
+        for tool in _tillage(scene)
+        if "setback_m" not in scene.tools[tool].model_fields_set
+    }
     return particles | {"tools": tools}
 
 

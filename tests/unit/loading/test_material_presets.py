@@ -112,12 +112,13 @@ def test_a_preset_that_does_not_fit_says_why(changes, words):
         load_scene("field_tine", changes)
 
 
-def test_a_setback_of_the_scene_stays(tmp_path):
+@pytest.mark.parametrize("given_mm", [4.0, 0.0])
+def test_a_setback_of_the_scene_stays(tmp_path, given_mm):
     """With particles; the wedge model has no use for it."""
     file, base = tmp_path / "scene.yaml", str(load_scene("field_tine").path)
-    own = {"base": base, "name": "own", "tools": {"tine": {"setback_m": 0.004}}}
+    own = {"base": base, "name": "own", "tools": {"tine": {"setback_m": 1e-3 * given_mm}}}
     file.write_text(yaml.safe_dump(own))
-    for preset, expected in (("coarse", 4.0), ("fine", 4.0), ("real_time", 0.0)):
+    for preset, expected in (("coarse", given_mm), ("fine", given_mm), ("real_time", 0.0)):
         assert setback_mm(load_scene(file, {"preset": preset})) == pytest.approx(expected)
 
 

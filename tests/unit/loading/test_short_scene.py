@@ -150,6 +150,16 @@ def test_a_preset_gives_the_size(load: Load, preset: str) -> None:
     assert "soil.particles.radius_m" not in {item.key for item in found.derived}
 
 
+@pytest.mark.parametrize("setback_m", [0, 0.004])
+def test_a_setback_that_is_given_stays(load: Load, tmp_path: Path, setback_m: float) -> None:
+    """Also none, by an override and in the file."""
+    tool = f"{{mesh: my_tine.step, depth_m: 0.2, speed_m_per_s: 0.5, setback_m: {setback_m}}}"
+    (tmp_path / "own.yaml").write_text(f"soil: loam\ntools: {{tine: {tool}}}\ntravel_m: 3\n")
+    for found in (load_scene(tmp_path / "own.yaml"), load(tools__tine__setback_m=setback_m)):
+        assert found.preset == "standard"
+        assert found.scene.tools["tine"].setback_m == setback_m
+
+
 @pytest.mark.parametrize(("file", "unit"), [
     ("metres.stl", None), ("millimetres.stl", "mm"), ("centimetres.obj", "cm"), ("inches.stl", "inch"),
     ("metres.obj", "m"),

@@ -306,7 +306,7 @@ def _fill_soil(document: Document, placed: list[_Placed], fill: Fill, shown: str
     if isinstance(soil, dict) and isinstance(soil.get("material"), str):
         material = read_material(Path(soil["material"]), f"{shown}: soil.material")
     duration = document.get("duration_s")
-    ends = [abs(tool.lateral_m) + 0.5 * tool.shape.width_m for tool in placed]
+    ends = [abs(tool.lateral_m + side) for tool in placed for side in tool.shape.sides_m]
     travel = max(tool.speed_m_per_s for tool in placed) * (
         duration if isinstance(duration, int | float) else 0.0
     )

@@ -117,6 +117,29 @@ def test_the_field_is_as_long_as_the_run(load: Load) -> None:
         load(duration_s=20.0, travel_m=10.0)
 
 
+def test_the_field_is_about_what_is_in_the_soil(load: Load) -> None:
+    """Wherever a tool lies in its file, and up to where the surface cuts its facets."""
+    place = {"tools__tine__mesh": "tool.stl"}
+    box = trimesh.creation.box((0.03, 0.06, 0.5))
+    box.export("tool.stl")
+    beside = load(tools__tine__lateral_m=-0.33, **place).scene
+    box.apply_translation((0.0, -0.33, 0.0))
+    box.export("tool.stl")
+    assert load(**place).scene.soil == beside.soil
+    assert beside.soil is not None
+    assert beside.soil.bin.width_m == pytest.approx(2 * (0.36 + 0.2), abs=0.05)
+    x, y, z = [-0.05, -0.05, 0.0, 0.0], [-0.02, 0.02, -0.02, 0.02], 4 * [0.0]
+    lower, upper = np.array([x, y, z]).T, np.array([x, y, z]).T * (3.0, 10.0, 0.0) + (0.2, 0.0, 0.4)
+    trimesh.convex.convex_hull(np.concatenate((lower, upper))).export(
+        "tool.stl"
+    )  # 0.22 m wide at the surface
+    found = load(**place).scene
+    assert found.soil is not None
+    assert found.soil.bin.width_m == pytest.approx(0.65)
+    assert found.tools["tine"].path is not None
+    assert found.tools["tine"].path.start_x_m == pytest.approx(-0.05 - 0.1)
+
+
 def test_nothing_in_short_is_left_out(tmp_path: Path) -> None:
     """A preset is laid over a scene after all is derived."""
     scenes = Path(__file__).parents[3] / "config/scenes"

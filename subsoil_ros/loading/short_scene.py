@@ -17,7 +17,7 @@ from ..scene.cad_mesh import blade_mesh, metres_per_unit, read_cad, refuse_absur
 from ..scene.soil import rupture_distance_m
 from ..scene.tool_shape import ToolShape, tool_shape
 from ..scene.tools import Blade, CadKeys, MeshPart, Tool
-from ..yaml_document import Document, merge
+from ..yaml_document import Document, leaves, merge
 from .material_file import read_material
 from .overrides import Override
 from .presets import IN_DEPTH, LEAST_ACROSS
@@ -97,6 +97,17 @@ def with_one_time(document: Document, changes: Sequence[Override]) -> Document:
     return {k: v for k, v in document.items() if k not in TIMES or len(given) != 1 or k in given}
 
 
+def _leaves_out(document: object, keys: Sequence[str]) -> bool:
+    """Whether a key is missing; null, and another value where a mapping is needed, are given."""
+    for key in keys:
+        if not isinstance(document, dict):
+            return False
+        if key not in document:
+            return True
+        document = document[key]
+    return False
+
+
 def _mappings(value: object) -> list[Document]:
     items = value.values() if isinstance(value, dict) else ()
     return [item for item in items if isinstance(item, dict)]
@@ -128,7 +139,7 @@ def completed(
 ) -> tuple[Document, tuple[Derived, ...]]:
     """The document without keys in short, and what was derived for them.
 
-    changes: overrides that are applied later; what they give is not derived.
+    changes: overrides that are applied later; what they give is not listed.
 
     Raises:
         SceneError: a mesh that cannot be used, or values from which nothing can be derived.
@@ -150,13 +161,14 @@ def completed(
         return document, ()
     derived: list[Derived] = []
     document = {key: value for key, value in document.items() if key != "travel_m"}
-    given = {change.path for change in changes}
+    later = [f"{path}." for change in changes for path, _ in leaves(change.value, change.path)]
 
     def fill(key: str, value: Any, reason: str) -> None:
         nonlocal document
         keys = key.split(".")
-        if key not in given and value_at(document, keys) is None:
-            derived.append(Derived(key, _words(value), reason))
+        if _leaves_out(document, keys):
+            if not any(path.startswith(f"{key}.") or f"{key}.".startswith(path) for path in later):
+                derived.append(Derived(key, _words(value), reason))
             for inner in reversed(keys[1:]):
                 value = {inner: value}
             document = merge(document, {keys[0]: value}, shown)
@@ -167,19 +179,17 @@ def completed(
     _fill_time(travel, placed, fill, shown)
     _fill_soil(document, placed, fill, shown)
     for tool in placed:
-        x, z = tool.shape.tip_m
-        fill(
-            f"tools.{tool.name}.path",
-            {
-                "start_x_m": round(-START_M - tool.shape.foremost_m, 6),
-                "start_z_m": round(-tool.depth_m - z, 6),
-                "speed_x_m_per_s": tool.speed_m_per_s,
-            },
-            f"foremost point {START_M * 1e3:g} mm before the soil, lowest {tool.depth_m:g} m deep",
-        )
+        key, z = f"tools.{tool.name}.path", tool.shape.tip_m[1]
+        if any(change.path == key for change in changes):
+            continue  # another path, as a whole
+        start_x_m = round(-START_M - tool.shape.foremost_m, 6)
+        fill(f"{key}.start_x_m", start_x_m, f"foremost point {START_M * 1e3:g} mm before the soil")
+        fill(f"{key}.start_z_m", round(-tool.depth_m - z, 6), f"lowest point {tool.depth_m:g} m deep")
+        fill(f"{key}.speed_x_m_per_s", tool.speed_m_per_s, f"speed_m_per_s of {tool.name}")
     x, z = placed[0].shape.tip_m
     fill("report.tip_m", [round(x, 6), round(z, 6)], f"foremost of the lowest edge of {placed[0].name}")
-    fill("coupling", dict(COUPLING), "forces are means over half a millisecond")
+    for name, value in COUPLING.items():
+        fill(f"coupling.{name}", value, "forces are means over half a millisecond")
     return document, tuple(derived)
 
 
@@ -320,19 +330,15 @@ def _fill_soil(document: Document, placed: list[_Placed], fill: Fill, shown: str
         return
     deep = _rounded(DEPTHS_DEEP * depth)
     window = rupture_distance_m(deep, material.soil.friction_angle_deg)
-    size = {
-        "length_m": _rounded(travel + 2.0 * window),  # so that it never shows the end
-        "width_m": _rounded(2.0 * (max(ends) + DEPTHS_BESIDE * depth)),
-        "depth_m": deep,
-        "sides": "held",
-    }
-    fill(
-        "soil.bin",
-        size,
-        "longer than the travel by two windows; a depth to each side of the tools, half a depth below",
-    )
+    length = _rounded(travel + 2.0 * window)  # so that it never shows the end
+    beside = _rounded(2.0 * (max(ends) + DEPTHS_BESIDE * depth))
+    fill("soil.bin.length_m", length, "longer than the travel by two windows")
+    fill("soil.bin.width_m", beside, "a depth to each side of the tools")
+    fill("soil.bin.depth_m", deep, "half a depth below the tools")
+    fill("soil.bin.sides", "held", "the field goes on beside it")
     fill("soil.window", {}, "soil exists near the tools only: a longer field costs nothing")
-    fill("soil.bed", {"seed": 1}, "another seed is another sample of the soil")
+    if value_at(soil, ("bed", "kind")) in (None, "tiled"):
+        fill("soil.bed.seed", 1, "another seed is another sample of the soil")
     width = min(tool.shape.width_m for tool in placed)
     wanted = 0.5 * min(depth / IN_DEPTH["standard"], width / LEAST_ACROSS)
     low, high = material.radii_m
@@ -348,8 +354,8 @@ def _rounded(length_m: float) -> float:
 
 
 def _words(value: object) -> str:
-    if isinstance(value, dict):
-        return ", ".join(f"{key} {_words(item)}" for key, item in value.items()) or "as the soil needs"
+    if value == {}:
+        return "as the soil needs"
     if isinstance(value, list):
         return ", ".join(map(_words, value))
     return f"{value:g}" if isinstance(value, float) else str(value)

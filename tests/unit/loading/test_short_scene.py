@@ -14,6 +14,7 @@ from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.scene.soil import rupture_distance_m
 from subsoil_ros.scene.tool_mesh import load_tool_mesh
 from subsoil_ros.scene.tool_shape import tool_shape
+from subsoil_ros.yaml_document import dump_yaml, leaves
 from tests.unit.scene.step_prism import step_prism
 
 TINE_MM = [(0.0, 0.0), (-60.0, 34.64), (-60.0, 500.0), (-100.0, 500.0), (-100.0, 10.0)]
@@ -74,7 +75,8 @@ def test_what_six_lines_make(load: Load) -> None:
     assert ahead <= scene.report.window_inside_m <= ahead + 0.01
     assert soil.bin.length_m >= 3.0 + ahead + soil.window.ahead_m
     assert found.preset == "standard"
-    assert {item.key for item in found.derived} >= {"duration_s", "soil.bin", "tools.tine.path", "preset"}
+    keys = {"duration_s", "soil.bin.width_m", "soil.window", "tools.tine.path.start_x_m", "preset"}
+    assert {item.key for item in found.derived} >= keys
     assert all(item.reason for item in found.derived)
 
 
@@ -104,6 +106,34 @@ def test_given_values_stay(load: Load) -> None:
     assert (soil.bin.width_m, soil.bin.depth_m) == (1.0, pytest.approx(0.45))
     assert found.scene.duration_s == 2.0
     assert found.scene.report.window_inside_m == 0.2
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("coupling.communication_step_ns", 250_000),
+        ("coupling.residual_bound", 0.05),
+        ("coupling", {"force": "tick_end"}),
+        ("soil.bed.solid_fraction", 0.6),
+        ("soil.bed", {"kind": "tiled", "tile_m": 0.5}),
+        ("soil.bin.width_m", 1.2),
+        ("soil.bin", {"length_m": 4.0, "width_m": 1.2, "depth_m": 0.3}),
+    ],
+)
+def test_a_key_in_the_file_is_the_same_key_by_an_override(
+    load: Load, tmp_path: Path, key: str, value: Any
+) -> None:
+    """What stands beside it is derived in both, and it is in neither list."""
+    by_override = load(**{key: value})
+    for name in reversed(key.split(".")):
+        value = {name: value}
+    (tmp_path / "own.yaml").write_text(dump_yaml({"base": "tine.yaml", "name": "tine", **value}))
+    in_file = load_scene(tmp_path / "own.yaml")
+    assert in_file.scene == by_override.scene
+    given = {path for path, _ in leaves(value)}
+    for found in (in_file, by_override):
+        assert not {item.key for item in found.derived} & given
+        assert any(item.key.startswith("soil.b") for item in found.derived)
 
 
 def test_the_field_is_as_long_as_the_run(load: Load) -> None:

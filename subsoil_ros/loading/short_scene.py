@@ -67,6 +67,7 @@ class _Placed:
     speed_m_per_s: float
     lateral_m: float
     shape: ToolShape
+    is_tillage: bool
 
 
 def is_short(document: Document, changes: Sequence[Override]) -> bool:
@@ -146,8 +147,8 @@ def completed(
     """
     tools = document.get("tools")
     placed: list[_Placed] = []
+    done: dict[str, object] = {}
     if isinstance(tools, dict):
-        done = {}
         for name, tool in tools.items():
             done[name] = _in_full(name, tool, path.parent, f"{shown}: tools.{name}", placed)
         document = {**document, "tools": done}
@@ -186,8 +187,9 @@ def completed(
         fill(f"{key}.start_x_m", start_x_m, f"foremost point {START_M * 1e3:g} mm before the soil")
         fill(f"{key}.start_z_m", round(-tool.depth_m - z, 6), f"lowest point {tool.depth_m:g} m deep")
         fill(f"{key}.speed_x_m_per_s", tool.speed_m_per_s, f"speed_m_per_s of {tool.name}")
-    x, z = placed[0].shape.tip_m
-    fill("report.tip_m", [round(x, 6), round(z, 6)], f"foremost of the lowest edge of {placed[0].name}")
+    first = next((name for name, tool in done.items() if value_at(tool, ("role",)) != "wheel"), None)
+    for x, z in (tool.shape.tip_m for tool in placed if tool.name == first):  # metrics follow its tip
+        fill("report.tip_m", [round(x, 6), round(z, 6)], f"foremost of the lowest edge of {first}")
     for name, value in COUPLING.items():
         fill(f"coupling.{name}", value, "forces are means over half a millisecond")
     return document, tuple(derived)
@@ -252,7 +254,8 @@ def _in_full(name: str, tool: object, folder: Path, where: str, placed: list[_Pl
         )
     vertices, facets = _assembled(checked, folder, where)
     shape = tool_shape(vertices, facets, checked.depth_m)
-    placed.append(_Placed(name, checked.depth_m, checked.speed_m_per_s, checked.lateral_m, shape))
+    speed_m_per_s, lateral_m = checked.speed_m_per_s, checked.lateral_m
+    placed.append(_Placed(name, checked.depth_m, speed_m_per_s, lateral_m, shape, checked.is_tillage))
     return rest
 
 
@@ -339,8 +342,9 @@ def _fill_soil(document: Document, placed: list[_Placed], fill: Fill, shown: str
     fill("soil.window", {}, "soil exists near the tools only: a longer field costs nothing")
     if value_at(soil, ("bed", "kind")) in (None, "tiled"):
         fill("soil.bed.seed", 1, "another seed is another sample of the soil")
-    width = min(tool.shape.width_m for tool in placed)
-    wanted = 0.5 * min(depth / IN_DEPTH["standard"], width / LEAST_ACROSS)
+    working = [tool for tool in placed if tool.is_tillage] or placed
+    across = max(tool.depth_m for tool in working) / IN_DEPTH["standard"]
+    wanted = 0.5 * min(across, min(tool.shape.width_m for tool in working) / LEAST_ACROSS)
     low, high = material.radii_m
     fill(
         "soil.particles.radius_m",

@@ -170,6 +170,20 @@ def test_the_field_is_about_what_is_in_the_soil(load: Load) -> None:
     assert found.tools["tine"].path.start_x_m == pytest.approx(-0.05 - 0.1)
 
 
+def test_a_wheel_is_not_what_means_are_of(load: Load) -> None:
+    """The tip is that of the first tool that works the soil, which metrics follow; so is the size."""
+    trimesh.creation.box((0.4, 0.02, 0.4)).export("wheel.stl")
+    wheel = {"mesh": "wheel.stl", "role": "wheel", "depth_m": 0.3, "speed_m_per_s": 0.5, "lateral_m": 0.5}
+    tine = {"mesh": "my_tine.step", "depth_m": 0.2, "speed_m_per_s": 0.5}
+    own = {"preset": "own", "presets": {"own": {}}}
+    scene = {"soil": {"material": "loam"}, "tools": {"wheel": wheel, "tine": tine}, "travel_m": 3, **own}
+    found, alone = load_scene({"name": "wheeled", **scene}).scene, load().scene
+    assert found.report.tip_m == alone.report.tip_m == (0.0, 0.0)
+    assert found.particle_soil is not None
+    assert alone.particle_soil is not None
+    assert found.particle_soil.particles == alone.particle_soil.particles
+
+
 def test_nothing_in_short_is_left_out(tmp_path: Path) -> None:
     """A preset is laid over a scene after all is derived."""
     scenes = Path(__file__).parents[3] / "config/scenes"

@@ -178,18 +178,20 @@ def completed(
     if travel is not None and document.get("duration_s") is not None:
         raise SceneError(f"{shown}: given both travel_m and duration_s; give one of them")
     _fill_time(travel, placed, fill, shown)
-    _fill_soil(document, placed, fill, shown)
+    first = next((name for name, tool in done.items() if value_at(tool, ("role",)) != "wheel"), None)
+    tip = next((tool.shape.tip_m for tool in placed if tool.name == first), None)  # that metrics follow
+    behind_m = 0.0 if tip is None else round(max(tip[0] - tool.shape.tip_m[0] for tool in placed), 6)
+    _fill_soil(document, placed, behind_m, fill, shown)
+    start_x_m = round(-START_M - max(tool.shape.foremost_m for tool in placed), 6)
     for tool in placed:
         key, z = f"tools.{tool.name}.path", tool.shape.tip_m[1]
         if any(change.path == key for change in changes):
             continue  # another path, as a whole
-        start_x_m = round(-START_M - tool.shape.foremost_m, 6)
-        fill(f"{key}.start_x_m", start_x_m, f"foremost point {START_M * 1e3:g} mm before the soil")
+        fill(f"{key}.start_x_m", start_x_m, f"foremost point of all {START_M * 1e3:g} mm before the soil")
         fill(f"{key}.start_z_m", round(-tool.depth_m - z, 6), f"lowest point {tool.depth_m:g} m deep")
         fill(f"{key}.speed_x_m_per_s", tool.speed_m_per_s, f"speed_m_per_s of {tool.name}")
-    first = next((name for name, tool in done.items() if value_at(tool, ("role",)) != "wheel"), None)
-    for x, z in (tool.shape.tip_m for tool in placed if tool.name == first):  # metrics follow its tip
-        fill("report.tip_m", [round(x, 6), round(z, 6)], f"foremost of the lowest edge of {first}")
+    if tip is not None:
+        fill("report.tip_m", [round(at, 6) for at in tip], f"foremost of the lowest edge of {first}")
     for name, value in COUPLING.items():
         fill(f"coupling.{name}", value, "forces are means over half a millisecond")
     return document, tuple(derived)
@@ -312,8 +314,9 @@ def _fill_time(travel: object, placed: list[_Placed], fill: Fill, shown: str) ->
     fill("duration_s", round(travel / speed, 6), f"{travel:g} m at {speed:g} m/s")
 
 
-def _fill_soil(document: Document, placed: list[_Placed], fill: Fill, shown: str) -> None:
-    """Size of the field, of the particles, and where means begin."""
+def _fill_soil(document: Document, placed: list[_Placed], behind_m: float, fill: Fill, shown: str) -> None:
+    """Size of the field, of the particles, and where means begin: with the last tool, whose tip is `behind_m`
+    behind the tip of the report."""
     soil, depth = document.get("soil"), max(tool.depth_m for tool in placed)
     material = None
     if isinstance(soil, dict) and isinstance(soil.get("material"), str):
@@ -326,14 +329,14 @@ def _fill_soil(document: Document, placed: list[_Placed], fill: Fill, shown: str
     ahead = depth if material is None else rupture_distance_m(depth, material.soil.friction_angle_deg)
     fill(
         "report.window_inside_m",
-        math.ceil(100.0 * ahead) / 100.0,
-        "ahead of the tip the soil fails within it",
+        math.ceil(100.0 * (ahead + behind_m)) / 100.0,
+        f"ahead of {'the tip' if behind_m == 0.0 else 'the last tip'} the soil fails within it",
     )
     if material is None or not isinstance(soil, dict):
         return
     deep = _rounded(DEPTHS_DEEP * depth)
     window = rupture_distance_m(deep, material.soil.friction_angle_deg)
-    length = _rounded(travel + 2.0 * window)  # so that it never shows the end
+    length = _rounded(travel + 2.0 * window + behind_m)  # so that it never shows the end
     beside = _rounded(2.0 * (max(ends) + DEPTHS_BESIDE * depth))
     fill("soil.bin.length_m", length, "longer than the travel by two windows")
     fill("soil.bin.width_m", beside, "a depth to each side of the tools")

@@ -184,6 +184,29 @@ def test_a_wheel_is_not_what_means_are_of(load: Load) -> None:
     assert found.particle_soil.particles == alone.particle_soil.particles
 
 
+def test_tools_of_one_drawing_keep_their_distances(load: Load) -> None:
+    """Fore and aft as across; means begin, and the field ends, so much later that they hold for the last."""
+    for name, place in (("front.stl", (1.0, 0.0, 0.0)), ("rear.stl", (0.6, 0.25, 0.1))):
+        box = trimesh.creation.box((0.03, 0.06, 0.5))
+        box.apply_translation(place)
+        box.export(name)
+    moved = {"depth_m": 0.2, "speed_m_per_s": 0.5}
+    tools = {"front": {"mesh": "front.stl", **moved}, "rear": {"mesh": "rear.stl", **moved}}
+    alone, found = (
+        load_scene({"name": "drawn", "soil": {"material": "loam"}, "tools": given, "travel_m": 3}).scene
+        for given in ({"front": tools["front"]}, tools)
+    )
+    paths = [tool.path for tool in found.tools.values()]
+    assert [path.start_x_m for path in paths if path] == [pytest.approx(-0.05 - 1.015)] * 2
+    assert [path.start_z_m for path in paths if path] == [pytest.approx(0.05), pytest.approx(-0.05)]
+    assert found.report.tip_m == alone.report.tip_m
+    assert found.report.window_inside_m == pytest.approx(alone.report.window_inside_m + 0.4)
+    assert found.soil is not None
+    assert alone.soil is not None
+    assert found.soil.bin.length_m == pytest.approx(alone.soil.bin.length_m + 0.4)
+    assert found.soil.bin.width_m > alone.soil.bin.width_m
+
+
 def test_nothing_in_short_is_left_out(tmp_path: Path) -> None:
     """A preset is laid over a scene after all is derived."""
     scenes = Path(__file__).parents[3] / "config/scenes"

@@ -196,8 +196,8 @@ def leaves(value: object, path: str = "") -> Iterator[tuple[str, object]]:
 def merge(below: Document, above: Document, source: str, path: str = "") -> Document:
     """`above` laid over `below`: mappings merge, anything else replaces, null removes.
 
-    A mapping whose `kind` differs replaces: the keys of another kind would be unknown there. Where `model`
-    differs, as of soil, only the bin stays.
+    A mapping whose `kind` differs replaces: the keys of another kind would be unknown there. Keys without a
+    kind, as in the bed of a material, stay. Where `model` differs, as of soil, only the bin stays.
     Raises SceneError where null stands for a key that is not there.
     """
     merged = dict(below)
@@ -211,7 +211,7 @@ def merge(below: Document, above: Document, source: str, path: str = "") -> Docu
         present = merged.get(key)
         if isinstance(value, dict):
             beneath = present if isinstance(present, dict) else {}
-            if "kind" in value and value["kind"] != beneath.get("kind"):
+            if "kind" in value and value["kind"] != beneath.get("kind", value["kind"]):
                 beneath = {}
             if "model" in value and value["model"] != beneath.get("model", "dem"):
                 beneath = {key: beneath[key] for key in ("bin",) if key in beneath}

@@ -113,10 +113,10 @@ def one_soil(scenes: Sequence[ResolvedScene]) -> list[str]:
     changes = []
     if None not in (presets := {scene.preset for scene in scenes}) and len(presets) == 1 and len(radii) > 1:
         changes += [f"preset={scenes[0].preset}", f"soil.particles.radius_m={min(radii):g}"]
-    bins = {(soil.bin.width_m, soil.bin.depth_m) for soil in soils if soil is not None}
-    if len(bins) > 1 and all("soil.bin" in {item.key for item in scene.derived} for scene in scenes):
-        width_m, depth_m = map(max, zip(*bins, strict=True))
-        changes += [f"soil.bin.width_m={width_m:g}", f"soil.bin.depth_m={depth_m:g}"]
+    for name in ("width_m", "depth_m"):
+        key, sizes = f"soil.bin.{name}", {getattr(soil.bin, name) for soil in soils if soil is not None}
+        if len(sizes) > 1 and all(key in {item.key for item in scene.derived} for scene in scenes):
+            changes.append(f"{key}={max(sizes):g}")
     return changes
 
 

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..contact_laws.dampers import restitution_at
 from ..rotations import placed_m, quaternion_of
@@ -179,16 +180,22 @@ def lowest_m(scene: Scene, name: str, mesh: ToolMesh) -> tuple[float, float]:
 
 def _speed_and_depth_in_space(path: Path, mesh: ToolMesh) -> tuple[float, float]:
     """The same for a path in space; for given poses, at the fastest and the deepest of them."""
-    poses = path.poses
+    depth, poses = -float(deepest_vertices_m(path, mesh)[:, 2].min()), path.poses
     if poses is None:
-        lowest = placed_m(mesh.vertices_m, (0.0, 0.0, path.start_z_m), path.start_quaternion)[:, 2].min()
-        return _largest(path.speed_x_m_per_s), -float(lowest)
-    places = zip(poses.positions_m, map(quaternion_of, poses.rotations_rad), strict=True)
-    lowest = min(placed_m(mesh.vertices_m, place, turn)[:, 2].min() for place, turn in places)
+        return _largest(path.speed_x_m_per_s), depth
     from scipy.interpolate import CubicSpline  # slow to import, and rarely used
 
     speeds = CubicSpline(poses.times_s, poses.positions_m)(poses.times_s, 1)
-    return float(np.abs(speeds[:, 0]).max()), -float(lowest)
+    return float(np.abs(speeds[:, 0]).max()), depth
+
+
+def deepest_vertices_m(path: Path, mesh: ToolMesh) -> NDArray[np.float64]:
+    """Vertices (n, 3) [m] of a tool, their y measured from its path: in world axes where the path starts, and
+    for given poses at the deepest of them."""
+    if path.poses is None:
+        return placed_m(mesh.vertices_m, (0.0, 0.0, path.start_z_m), path.start_quaternion)
+    places = zip(path.poses.positions_m, map(quaternion_of, path.poses.rotations_rad), strict=True)
+    return min((placed_m(mesh.vertices_m, *place) for place in places), key=lambda found: found[:, 2].min())
 
 
 def _largest(law: Law | None) -> float:

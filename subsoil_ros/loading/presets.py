@@ -3,17 +3,19 @@
 Every scene whose soil is a material has some: rules for the size of its particles.
 """
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import SceneError
-from ..limits.soil_at_work import lowest_m, speed_and_depth
+from ..limits.soil_at_work import deepest_vertices_m, lowest_m, speed_and_depth
 from ..limits.stable_steps import PREDICTED_INTERVAL_NS
 from ..scene.material import Material
 from ..scene.scene import Scene
 from ..scene.tool_mesh import ToolMesh
+from ..scene.tool_shape import part_below
 from ..strict_model import Finite, Fraction, Positive, StrictModel
 from ..yaml_document import Document, read_document
 from .files import config_folder
@@ -192,12 +194,16 @@ def preset_changes(
             f"preset {name}: its particles follow from the depth of the tillage tools, and none is below the "
             "surface at the start; set soil.particles.radius_m instead"
         )
-    width = min(float(np.ptp(meshes[key].vertices_m[:, 1])) for key in _tillage(scene))
+    width = min(_width_m(scene, key, meshes[key]) for key in _tillage(scene))
     low, high = material.radii_m
     radius = min(max(round(0.5 * min(depth / IN_DEPTH[name], width / LEAST_ACROSS), 4), low), high)
     particles: Document = {"soil": {"particles": {"radius_m": radius}}}
     setback_m = round(SET_BACK[name] * (0.5 * sum(soil.particles.bounds_m) if sized else radius), 5)
-    tools = {tool: {"setback_m": setback_m} for tool in _tillage(scene) if not scene.tools[tool].setback_m}
+    tools = {
+        tool: {"setback_m": setback_m}
+        for tool in _tillage(scene)
+        if "setback_m" not in scene.tools[tool].model_fields_set
+    }
     return particles | {"tools": tools}
 
 
@@ -216,6 +222,14 @@ def _depth_m(scene: Scene, name: str, mesh: ToolMesh) -> float:
     path = tool.path
     x = path.start_m(0.0)[0] if path is not None and path.is_spatial else lowest_m(scene, name, mesh)[0]
     return depth + float(np.interp(x, soil.surface.x_m, soil.surface.z_m))
+
+
+def _width_m(scene: Scene, name: str, mesh: ToolMesh) -> float:
+    """Width of what a tool has in the soil where its depth is measured; of all of it, if that is above."""
+    path, depth = scene.tools[name].path, _depth_m(scene, name, mesh)
+    vertices = mesh.vertices_m if path is None else deepest_vertices_m(path, mesh.about_body())
+    surface = float(vertices[:, 2].min()) + depth if depth > 0.0 else math.inf
+    return float(np.ptp(part_below(vertices, mesh.facets, surface)[:, 1]))
 
 
 def _beside(material_file: str | None, folder: str, suffix: str) -> Path | None:

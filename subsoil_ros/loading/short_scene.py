@@ -17,7 +17,7 @@ from ..scene.cad_mesh import blade_mesh, metres_per_unit, read_cad, refuse_absur
 from ..scene.soil import rupture_distance_m
 from ..scene.tool_shape import ToolShape, tool_shape
 from ..scene.tools import Blade, CadKeys, MeshPart, Tool
-from ..yaml_document import Document, merge
+from ..yaml_document import Document, leaves, merge
 from .material_file import read_material
 from .overrides import Override
 from .presets import IN_DEPTH, LEAST_ACROSS
@@ -67,6 +67,7 @@ class _Placed:
     speed_m_per_s: float
     lateral_m: float
     shape: ToolShape
+    is_tillage: bool
 
 
 def is_short(document: Document, changes: Sequence[Override]) -> bool:
@@ -95,6 +96,17 @@ def with_one_time(document: Document, changes: Sequence[Override]) -> Document:
     """The document without the time that an override replaces by the other way to give one."""
     given = {change.path for change in changes} & set(TIMES)
     return {k: v for k, v in document.items() if k not in TIMES or len(given) != 1 or k in given}
+
+
+def _leaves_out(document: object, keys: Sequence[str]) -> bool:
+    """Whether a key is missing; null, and another value where a mapping is needed, are given."""
+    for key in keys:
+        if not isinstance(document, dict):
+            return False
+        if key not in document:
+            return True
+        document = document[key]
+    return False
 
 
 def _mappings(value: object) -> list[Document]:
@@ -128,15 +140,15 @@ def completed(
 ) -> tuple[Document, tuple[Derived, ...]]:
     """The document without keys in short, and what was derived for them.
 
-    changes: overrides that are applied later; what they give is not derived.
+    changes: overrides that are applied later; what they give is not listed.
 
     Raises:
         SceneError: a mesh that cannot be used, or values from which nothing can be derived.
     """
     tools = document.get("tools")
     placed: list[_Placed] = []
+    done: dict[str, object] = {}
     if isinstance(tools, dict):
-        done = {}
         for name, tool in tools.items():
             done[name] = _in_full(name, tool, path.parent, f"{shown}: tools.{name}", placed)
         document = {**document, "tools": done}
@@ -150,13 +162,14 @@ def completed(
         return document, ()
     derived: list[Derived] = []
     document = {key: value for key, value in document.items() if key != "travel_m"}
-    given = {change.path for change in changes}
+    later = [f"{path}." for change in changes for path, _ in leaves(change.value, change.path)]
 
     def fill(key: str, value: Any, reason: str) -> None:
         nonlocal document
         keys = key.split(".")
-        if key not in given and value_at(document, keys) is None:
-            derived.append(Derived(key, _words(value), reason))
+        if _leaves_out(document, keys):
+            if not any(path.startswith(f"{key}.") or f"{key}.".startswith(path) for path in later):
+                derived.append(Derived(key, _words(value), reason))
             for inner in reversed(keys[1:]):
                 value = {inner: value}
             document = merge(document, {keys[0]: value}, shown)
@@ -165,21 +178,22 @@ def completed(
     if travel is not None and document.get("duration_s") is not None:
         raise SceneError(f"{shown}: given both travel_m and duration_s; give one of them")
     _fill_time(travel, placed, fill, shown)
-    _fill_soil(document, placed, fill, shown)
+    first = next((name for name, tool in done.items() if value_at(tool, ("role",)) != "wheel"), None)
+    tip = next((tool.shape.tip_m for tool in placed if tool.name == first), None)  # that metrics follow
+    behind_m = 0.0 if tip is None else round(max(tip[0] - tool.shape.tip_m[0] for tool in placed), 6)
+    _fill_soil(document, placed, behind_m, fill, shown)
+    start_x_m = round(-START_M - max(tool.shape.foremost_m for tool in placed), 6)
     for tool in placed:
-        x, z = tool.shape.tip_m
-        fill(
-            f"tools.{tool.name}.path",
-            {
-                "start_x_m": round(-START_M - tool.shape.foremost_m, 6),
-                "start_z_m": round(-tool.depth_m - z, 6),
-                "speed_x_m_per_s": tool.speed_m_per_s,
-            },
-            f"foremost point {START_M * 1e3:g} mm before the soil, lowest {tool.depth_m:g} m deep",
-        )
-    x, z = placed[0].shape.tip_m
-    fill("report.tip_m", [round(x, 6), round(z, 6)], f"foremost of the lowest edge of {placed[0].name}")
-    fill("coupling", dict(COUPLING), "forces are means over half a millisecond")
+        key, z = f"tools.{tool.name}.path", tool.shape.tip_m[1]
+        if any(change.path == key for change in changes):
+            continue  # another path, as a whole
+        fill(f"{key}.start_x_m", start_x_m, f"foremost point of all {START_M * 1e3:g} mm before the soil")
+        fill(f"{key}.start_z_m", round(-tool.depth_m - z, 6), f"lowest point {tool.depth_m:g} m deep")
+        fill(f"{key}.speed_x_m_per_s", tool.speed_m_per_s, f"speed_m_per_s of {tool.name}")
+    if tip is not None:
+        fill("report.tip_m", [round(at, 6) for at in tip], f"foremost of the lowest edge of {first}")
+    for name, value in COUPLING.items():
+        fill(f"coupling.{name}", value, "forces are means over half a millisecond")
     return document, tuple(derived)
 
 
@@ -242,7 +256,8 @@ def _in_full(name: str, tool: object, folder: Path, where: str, placed: list[_Pl
         )
     vertices, facets = _assembled(checked, folder, where)
     shape = tool_shape(vertices, facets, checked.depth_m)
-    placed.append(_Placed(name, checked.depth_m, checked.speed_m_per_s, checked.lateral_m, shape))
+    speed_m_per_s, lateral_m = checked.speed_m_per_s, checked.lateral_m
+    placed.append(_Placed(name, checked.depth_m, speed_m_per_s, lateral_m, shape, checked.is_tillage))
     return rest
 
 
@@ -299,42 +314,40 @@ def _fill_time(travel: object, placed: list[_Placed], fill: Fill, shown: str) ->
     fill("duration_s", round(travel / speed, 6), f"{travel:g} m at {speed:g} m/s")
 
 
-def _fill_soil(document: Document, placed: list[_Placed], fill: Fill, shown: str) -> None:
-    """Size of the field, of the particles, and where means begin."""
+def _fill_soil(document: Document, placed: list[_Placed], behind_m: float, fill: Fill, shown: str) -> None:
+    """Size of the field, of the particles, and where means begin: with the last tool, whose tip is `behind_m`
+    behind the tip of the report."""
     soil, depth = document.get("soil"), max(tool.depth_m for tool in placed)
     material = None
     if isinstance(soil, dict) and isinstance(soil.get("material"), str):
         material = read_material(Path(soil["material"]), f"{shown}: soil.material")
     duration = document.get("duration_s")
-    ends = [abs(tool.lateral_m) + 0.5 * tool.shape.width_m for tool in placed]
+    ends = [abs(tool.lateral_m + side) for tool in placed for side in tool.shape.sides_m]
     travel = max(tool.speed_m_per_s for tool in placed) * (
         duration if isinstance(duration, int | float) else 0.0
     )
     ahead = depth if material is None else rupture_distance_m(depth, material.soil.friction_angle_deg)
     fill(
         "report.window_inside_m",
-        math.ceil(100.0 * ahead) / 100.0,
-        "ahead of the tip the soil fails within it",
+        math.ceil(100.0 * (ahead + behind_m)) / 100.0,
+        f"ahead of {'the tip' if behind_m == 0.0 else 'the last tip'} the soil fails within it",
     )
     if material is None or not isinstance(soil, dict):
         return
     deep = _rounded(DEPTHS_DEEP * depth)
     window = rupture_distance_m(deep, material.soil.friction_angle_deg)
-    size = {
-        "length_m": _rounded(travel + 2.0 * window),  # so that it never shows the end
-        "width_m": _rounded(2.0 * (max(ends) + DEPTHS_BESIDE * depth)),
-        "depth_m": deep,
-        "sides": "held",
-    }
-    fill(
-        "soil.bin",
-        size,
-        "longer than the travel by two windows; a depth to each side of the tools, half a depth below",
-    )
+    length = _rounded(travel + 2.0 * window + behind_m)  # so that it never shows the end
+    beside = _rounded(2.0 * (max(ends) + DEPTHS_BESIDE * depth))
+    fill("soil.bin.length_m", length, "longer than the travel by two windows")
+    fill("soil.bin.width_m", beside, "a depth to each side of the tools")
+    fill("soil.bin.depth_m", deep, "half a depth below the tools")
+    fill("soil.bin.sides", "held", "the field goes on beside it")
     fill("soil.window", {}, "soil exists near the tools only: a longer field costs nothing")
-    fill("soil.bed", {"seed": 1}, "another seed is another sample of the soil")
-    width = min(tool.shape.width_m for tool in placed)
-    wanted = 0.5 * min(depth / IN_DEPTH["standard"], width / LEAST_ACROSS)
+    if value_at(soil, ("bed", "kind")) in (None, "tiled"):
+        fill("soil.bed.seed", 1, "another seed is another sample of the soil")
+    working = [tool for tool in placed if tool.is_tillage] or placed
+    across = max(tool.depth_m for tool in working) / IN_DEPTH["standard"]
+    wanted = 0.5 * min(across, min(tool.shape.width_m for tool in working) / LEAST_ACROSS)
     low, high = material.radii_m
     fill(
         "soil.particles.radius_m",
@@ -348,8 +361,8 @@ def _rounded(length_m: float) -> float:
 
 
 def _words(value: object) -> str:
-    if isinstance(value, dict):
-        return ", ".join(f"{key} {_words(item)}" for key, item in value.items()) or "as the soil needs"
+    if value == {}:
+        return "as the soil needs"
     if isinstance(value, list):
         return ", ".join(map(_words, value))
     return f"{value:g}" if isinstance(value, float) else str(value)

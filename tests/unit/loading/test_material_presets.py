@@ -1,9 +1,11 @@
 """Accuracy presets of scenes whose soil is a material: what they change, and where they are refused."""
 
+import math
 from pathlib import Path
 
 import pandas as pd
 import pytest
+import trimesh
 import yaml
 
 from subsoil_ros.errors import SceneError
@@ -112,12 +114,13 @@ def test_a_preset_that_does_not_fit_says_why(changes, words):
         load_scene("field_tine", changes)
 
 
-def test_a_setback_of_the_scene_stays(tmp_path):
+@pytest.mark.parametrize("given_mm", [4.0, 0.0])
+def test_a_setback_of_the_scene_stays(tmp_path, given_mm):
     """With particles; the wedge model has no use for it."""
     file, base = tmp_path / "scene.yaml", str(load_scene("field_tine").path)
-    own = {"base": base, "name": "own", "tools": {"tine": {"setback_m": 0.004}}}
+    own = {"base": base, "name": "own", "tools": {"tine": {"setback_m": 1e-3 * given_mm}}}
     file.write_text(yaml.safe_dump(own))
-    for preset, expected in (("coarse", 4.0), ("fine", 4.0), ("real_time", 0.0)):
+    for preset, expected in (("coarse", given_mm), ("fine", given_mm), ("real_time", 0.0)):
         assert setback_mm(load_scene(file, {"preset": preset})) == pytest.approx(expected)
 
 
@@ -133,6 +136,29 @@ def test_a_wheel_is_not_set_back(tmp_path):
     assert radius_mm(found) == pytest.approx(20.0)
     assert setback_mm(found) == pytest.approx(13.33)
     assert found.scene.tools["wheel"].setback_m == 0.0
+
+
+def test_width_is_that_in_the_soil_across_the_way(tmp_path):
+    """A beam above the surface is no part of it; a thin plate that stands across is as wide as it is long."""
+    boxes = {"bar": (0.02, 0.03, 0.5), "plate": (0.12, 0.03, 0.5), "beam": (0.02, 0.6, 0.1)}
+    for name, size in boxes.items():
+        box = trimesh.creation.box(size)
+        box.apply_translation((0.0, 0.0, 0.5 * size[2] + (0.4 if name == "beam" else 0.0)))
+        box.export(tmp_path / f"{name}.stl")
+
+    def coarse_mm(*groups, **path):
+        parts = {name: {"mesh": str(tmp_path / f"{name}.stl")} for name in groups}
+        bar = {
+            "path": {"start_x_m": -0.05, "start_z_m": -0.2, "speed_x_m_per_s": 0.5, **path},
+            "groups": parts,
+        }
+        document = {"base": str(load_scene("field_tine").path), "report": {"tip_m": None}}
+        return radius_mm(load_scene({**document, "tools": {"tine": None, "bar": bar}}, {"preset": "coarse"}))
+
+    assert coarse_mm("bar") == coarse_mm("bar", "beam") == pytest.approx(10.0)
+    assert coarse_mm("plate") == pytest.approx(10.0)
+    across = {"start_rotation_rad": [0.0, 0.0, 0.5 * math.pi]}
+    assert coarse_mm("plate", turn=across) == pytest.approx(20.0)
 
 
 def test_depth_is_that_of_the_scene_as_changed():

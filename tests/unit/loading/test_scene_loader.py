@@ -7,6 +7,7 @@ import pytest
 
 from subsoil_ros.errors import SceneError
 from subsoil_ros.loading.loader import load_scene
+from subsoil_ros.scene.bed_kinds import TiledBed
 
 SCENE = """
 name: pendulum
@@ -140,6 +141,18 @@ def test_override_replaces_a_law_of_another_kind(scene_file: Path) -> None:
     assert push.model_dump()["force_x_newton"] == {
         "kind": "ramp", "start_value": 0.0, "end_value": 4.0, "start_s": 0.0, "end_s": 0.5,
     }  # fmt: skip
+
+
+def test_a_kind_over_a_base_that_leaves_it_out_keeps_the_base(tmp_path: Path) -> None:
+    """The kind of a material's bed comes after the base; the seed that stands there still counts."""
+    base = Path(__file__).parents[3] / "config/scenes/field_tine.yaml"
+    (tmp_path / "base.yaml").write_text(f"base: {base}\nsoil: {{bed: {{seed: 5}}}}\n")
+    child = tmp_path / "child.yaml"
+    child.write_text("base: base.yaml\nsoil: {bed: {kind: tiled, tile_m: 0.5}}\n")
+    soil = load_scene(child).scene.particle_soil
+    assert soil is not None
+    assert isinstance(soil.bed, TiledBed)
+    assert (soil.bed.seed, soil.bed.tile_m) == (5, 0.5)
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.scene.soil import rupture_distance_m
 from subsoil_ros.scene.tool_mesh import load_tool_mesh
 from subsoil_ros.scene.tool_shape import tool_shape
+from subsoil_ros.yaml_document import dump_yaml, leaves
 from tests.unit.scene.step_prism import step_prism
 
 TINE_MM = [(0.0, 0.0), (-60.0, 34.64), (-60.0, 500.0), (-100.0, 500.0), (-100.0, 10.0)]
@@ -74,7 +75,8 @@ def test_what_six_lines_make(load: Load) -> None:
     assert ahead <= scene.report.window_inside_m <= ahead + 0.01
     assert soil.bin.length_m >= 3.0 + ahead + soil.window.ahead_m
     assert found.preset == "standard"
-    assert {item.key for item in found.derived} >= {"duration_s", "soil.bin", "tools.tine.path", "preset"}
+    keys = {"duration_s", "soil.bin.width_m", "soil.window", "tools.tine.path.start_x_m", "preset"}
+    assert {item.key for item in found.derived} >= keys
     assert all(item.reason for item in found.derived)
 
 
@@ -106,6 +108,34 @@ def test_given_values_stay(load: Load) -> None:
     assert found.scene.report.window_inside_m == 0.2
 
 
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("coupling.communication_step_ns", 250_000),
+        ("coupling.residual_bound", 0.05),
+        ("coupling", {"force": "tick_end"}),
+        ("soil.bed.solid_fraction", 0.6),
+        ("soil.bed", {"kind": "tiled", "tile_m": 0.5}),
+        ("soil.bin.width_m", 1.2),
+        ("soil.bin", {"length_m": 4.0, "width_m": 1.2, "depth_m": 0.3}),
+    ],
+)
+def test_a_key_in_the_file_is_the_same_key_by_an_override(
+    load: Load, tmp_path: Path, key: str, value: Any
+) -> None:
+    """What stands beside it is derived in both, and it is in neither list."""
+    by_override = load(**{key: value})
+    for name in reversed(key.split(".")):
+        value = {name: value}
+    (tmp_path / "own.yaml").write_text(dump_yaml({"base": "tine.yaml", "name": "tine", **value}))
+    in_file = load_scene(tmp_path / "own.yaml")
+    assert in_file.scene == by_override.scene
+    given = {path for path, _ in leaves(value)}
+    for found in (in_file, by_override):
+        assert not {item.key for item in found.derived} & given
+        assert any(item.key.startswith("soil.b") for item in found.derived)
+
+
 def test_the_field_is_as_long_as_the_run(load: Load) -> None:
     """Whether travel or duration is given, by the file or an override, of which the last counts."""
     for changes in ({"duration_s": 20.0}, {"travel_m": 10.0}):
@@ -115,6 +145,66 @@ def test_the_field_is_as_long_as_the_run(load: Load) -> None:
         assert scene.soil.bin.length_m > 10.5
     with pytest.raises(SceneError, match="both travel_m and duration_s; give one"):
         load(duration_s=20.0, travel_m=10.0)
+
+
+def test_the_field_is_about_what_is_in_the_soil(load: Load) -> None:
+    """Wherever a tool lies in its file, and up to where the surface cuts its facets."""
+    place = {"tools__tine__mesh": "tool.stl"}
+    box = trimesh.creation.box((0.03, 0.06, 0.5))
+    box.export("tool.stl")
+    beside = load(tools__tine__lateral_m=-0.33, **place).scene
+    box.apply_translation((0.0, -0.33, 0.0))
+    box.export("tool.stl")
+    assert load(**place).scene.soil == beside.soil
+    assert beside.soil is not None
+    assert beside.soil.bin.width_m == pytest.approx(2 * (0.36 + 0.2), abs=0.05)
+    x, y, z = [-0.05, -0.05, 0.0, 0.0], [-0.02, 0.02, -0.02, 0.02], 4 * [0.0]
+    lower, upper = np.array([x, y, z]).T, np.array([x, y, z]).T * (3.0, 10.0, 0.0) + (0.2, 0.0, 0.4)
+    trimesh.convex.convex_hull(np.concatenate((lower, upper))).export(
+        "tool.stl"
+    )  # 0.22 m wide at the surface
+    found = load(**place).scene
+    assert found.soil is not None
+    assert found.soil.bin.width_m == pytest.approx(0.65)
+    assert found.tools["tine"].path is not None
+    assert found.tools["tine"].path.start_x_m == pytest.approx(-0.05 - 0.1)
+
+
+def test_a_wheel_is_not_what_means_are_of(load: Load) -> None:
+    """The tip is that of the first tool that works the soil, which metrics follow; so is the size."""
+    trimesh.creation.box((0.4, 0.02, 0.4)).export("wheel.stl")
+    wheel = {"mesh": "wheel.stl", "role": "wheel", "depth_m": 0.3, "speed_m_per_s": 0.5, "lateral_m": 0.5}
+    tine = {"mesh": "my_tine.step", "depth_m": 0.2, "speed_m_per_s": 0.5}
+    own = {"preset": "own", "presets": {"own": {}}}
+    scene = {"soil": {"material": "loam"}, "tools": {"wheel": wheel, "tine": tine}, "travel_m": 3, **own}
+    found, alone = load_scene({"name": "wheeled", **scene}).scene, load().scene
+    assert found.report.tip_m == alone.report.tip_m == (0.0, 0.0)
+    assert found.particle_soil is not None
+    assert alone.particle_soil is not None
+    assert found.particle_soil.particles == alone.particle_soil.particles
+
+
+def test_tools_of_one_drawing_keep_their_distances(load: Load) -> None:
+    """Fore and aft as across; means begin, and the field ends, so much later that they hold for the last."""
+    for name, place in (("front.stl", (1.0, 0.0, 0.0)), ("rear.stl", (0.6, 0.25, 0.1))):
+        box = trimesh.creation.box((0.03, 0.06, 0.5))
+        box.apply_translation(place)
+        box.export(name)
+    moved = {"depth_m": 0.2, "speed_m_per_s": 0.5}
+    tools = {"front": {"mesh": "front.stl", **moved}, "rear": {"mesh": "rear.stl", **moved}}
+    alone, found = (
+        load_scene({"name": "drawn", "soil": {"material": "loam"}, "tools": given, "travel_m": 3}).scene
+        for given in ({"front": tools["front"]}, tools)
+    )
+    paths = [tool.path for tool in found.tools.values()]
+    assert [path.start_x_m for path in paths if path] == [pytest.approx(-0.05 - 1.015)] * 2
+    assert [path.start_z_m for path in paths if path] == [pytest.approx(0.05), pytest.approx(-0.05)]
+    assert found.report.tip_m == alone.report.tip_m
+    assert found.report.window_inside_m == pytest.approx(alone.report.window_inside_m + 0.4)
+    assert found.soil is not None
+    assert alone.soil is not None
+    assert found.soil.bin.length_m == pytest.approx(alone.soil.bin.length_m + 0.4)
+    assert found.soil.bin.width_m > alone.soil.bin.width_m
 
 
 def test_nothing_in_short_is_left_out(tmp_path: Path) -> None:
@@ -148,6 +238,16 @@ def test_a_preset_gives_the_size(load: Load, preset: str) -> None:
     found = load(preset=preset)
     assert found.preset == preset
     assert "soil.particles.radius_m" not in {item.key for item in found.derived}
+
+
+@pytest.mark.parametrize("setback_m", [0, 0.004])
+def test_a_setback_that_is_given_stays(load: Load, tmp_path: Path, setback_m: float) -> None:
+    """Also none, by an override and in the file."""
+    tool = f"{{mesh: my_tine.step, depth_m: 0.2, speed_m_per_s: 0.5, setback_m: {setback_m}}}"
+    (tmp_path / "own.yaml").write_text(f"soil: loam\ntools: {{tine: {tool}}}\ntravel_m: 3\n")
+    for found in (load_scene(tmp_path / "own.yaml"), load(tools__tine__setback_m=setback_m)):
+        assert found.preset == "standard"
+        assert found.scene.tools["tine"].setback_m == setback_m
 
 
 @pytest.mark.parametrize(("file", "unit"), [

@@ -132,11 +132,12 @@ def is_spent(key: str, preset: str) -> bool:
 
 
 def measured_presets(material_file: str | None, scene: Scene) -> dict[str, Preset]:
-    """The presets of a material, with what a study measured of them in a shipped one; their changes depend
-    on the scene and are left out."""
+    """The presets of a material, WEDGE where a wedge model comes with it, and what a study measured of them in
+    a shipped one; their changes depend on the scene and are left out."""
     path = _beside(material_file, "presets", "")
     document = read_document(path, str(path)) if path is not None else {}
-    found = {name: read_preset(document.get(name, {}), f"{path}: {name}") for name in OF_MATERIALS}
+    names = OF_MATERIALS if _beside(material_file, "soils", "_wedge") is not None else tuple(IN_DEPTH)
+    found = {name: read_preset(document.get(name, {}), f"{path}: {name}") for name in names}
     soil = scene.particle_soil
     if soil is not None and soil.bin.sides == "walls":
         for preset in found.values():

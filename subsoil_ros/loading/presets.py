@@ -132,7 +132,7 @@ def is_spent(key: str, preset: str) -> bool:
 
 
 def measured_presets(material_file: str | None, scene: Scene) -> dict[str, Preset]:
-    """The presets of a material, WEDGE where a wedge model comes with it, and what a study measured of them in
+    """Presets of a material, WEDGE where a wedge model comes with it, and what a study measured of them in
     a shipped one; their changes depend on the scene and are left out."""
     path = _beside(material_file, "presets", "")
     document = read_document(path, str(path)) if path is not None else {}

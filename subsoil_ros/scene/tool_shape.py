@@ -28,11 +28,17 @@ class ToolShape(NamedTuple):
     clearance_deg: float | None  # underside at the edge against the horizontal, rising to the rear
 
 
+def lowest_tip_m(vertices_m: NDArray[np.float64]) -> tuple[float, float]:
+    """x and z of the foremost place of the lowest edge of a tool, from its vertices (n, 3) [m]."""
+    x, _, z = vertices_m.T
+    low = float(z.min())
+    return float(x[z <= low + EDGE * float(np.ptp(z))].max()), low
+
+
 def tool_shape(vertices_m: NDArray[np.float64], facets: NDArray[np.integer], depth_m: float) -> ToolShape:
     """The shape of a tool whose lowest vertex is `depth_m` below the surface."""
     x, y, z = vertices_m.T
     low, height = float(z.min()), float(np.ptp(z))
-    edge = z <= low + EDGE * height
     inside = z <= low + depth_m
     corners = vertices_m[facets]
     area = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -41,7 +47,7 @@ def tool_shape(vertices_m: NDArray[np.float64], facets: NDArray[np.integer], dep
     front = at_edge & (normal[:, 0] > SLANTED)
     under = at_edge & (normal[:, 2] < -SLANTED) & (-normal[:, 2] >= np.abs(normal[:, 0]))
     return ToolShape(
-        tip_m=(float(x[edge].max()), low),
+        tip_m=lowest_tip_m(vertices_m),
         foremost_m=float(x[inside].max()),
         width_m=float(np.ptp(y[inside])),
         height_m=height,

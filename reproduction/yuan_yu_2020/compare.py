@@ -145,7 +145,7 @@ def main() -> None:
     with recorded_run(args.run) as recorded:
         bag, resolved = recorded.bag, recorded.resolved
         series = read_series(bag, resolved.scene)
-        window = metrics_window(series, resolved.scene)
+        window = metrics_window(series, resolved)
         statistics = run_statistics(bag, resolved, series, window)
         table = reproduction(resolved.scene, resolved.scene_hash, series, window, statistics)
         recorded.make_directory()

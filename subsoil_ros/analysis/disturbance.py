@@ -1,12 +1,14 @@
 """How a passage of the tools left the soil: what moved, how far the surface rose, where it was fast.
 
 Particles keep their place in every cloud, so displacements are differences of two clouds: the first of the
-bag and the last. They are evaluated in a slab across the bin that the tools have passed: from the metrics
-margin behind the start to the rear of the tools, or to the margin before the end. A particle has moved if it
-is displaced by more than a radius. The loosened cross-section is the moved part of the slab times its
-section; the width at the surface is that of the columns of the uppermost layer of which half or more moved.
+bag and the last. They are evaluated in a slab across the bin that all tools have passed: from the metrics
+margin behind the place where they enter the soil to the rearmost of them, or to the margin before the end. A
+particle has moved if it is displaced by more than a radius. The loosened cross-section is the moved part of
+the slab times its section; the width at the surface is that of the columns of the uppermost layer of which
+half or more moved.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,12 +19,12 @@ from ..loading.loader import ResolvedScene
 from ..messages import SoilCloud, ToolMotions
 from ..recording.joined import open_record
 from ..recording.soil_clouds import CELL_DIAMETERS, HeightGrid, height_grid
-from ..scene.bed_kinds import GridBed
+from ..scene.bed_kinds import GridBed, SurfaceProfile
 from ..scene.pair_laws import particle_spacing_m
 from ..scene.soil import Soil, SoilWindow
 from ..scene.tool_mesh import load_tool_mesh, posed_vertices_m, reference_angle
 from .columns import TIME
-from .metrics_window import Window, tip_path_m, window_span_s
+from .metrics_window import Window, named_tool, tip_path_m, tip_paths_m, window_span_s
 from .series import Series, write_table_csv
 from .stationarity import stationarity
 
@@ -124,7 +126,7 @@ def read_disturbance(
     bag: Path, resolved: ResolvedScene, series: Series, window: Window
 ) -> Disturbance | None:
     """Disturbance from the clouds of a bag. None without particles, with fewer than two clouds, with a cloud
-    region, or where the slab is too short.
+    region, or where the tools have passed too short a slab.
 
     With a soil window, each particle is compared between the first and the last cloud that contain it; None
     where clouds are too rare to contain the soil before the tools move it.
@@ -158,19 +160,14 @@ def read_disturbance(
             places.see(cloud)
         if cloud.end_time_ns in wanted:
             clouds[cloud.end_time_ns] = cloud
-    motions = list(reader.records(ToolMotions, at=lambda time_ns: time_ns == times[-1]))
+    seen = {time for time in (*np.rint(1e9 * series[TIME]).astype(int), times[-1]) if time <= times[-1]}
+    slab = passed_slab_m(series, resolved, reader.records(ToolMotions, at=seen.__contains__), times[-1])
     radius = soil.particles.mean_volume_radius_m
-    margin = resolved.scene.report.window_inside_m
-    rear = _rear_m(resolved, motions[-1]) if motions else soil.bin.length_m
-    start = margin
-    if soil.window is not None and (path := tip_path_m(series, resolved.scene)) is not None:
-        start += max(0.0, float(path[0][0]))  # soil behind it was never passed
-    slab = (start, min(rear, soil.bin.length_m - margin))
     if slab[1] - slab[0] < LEAST_SLAB_DIAMETERS * 2.0 * radius:
         return None
     first, last = places.first_m, places.last_m
     speeds = _speed_zones([clouds[time] for time in sorted(looked)], series, resolved)
-    return disturbance_between(first, last, slab, radius, speeds, _period_m(soil, first))
+    return disturbance_between(first, last, slab, radius, speeds, _period_m(soil, first), soil.surface)
 
 
 def _seen_in_time(times_ns: list[int], series: Series, resolved: ResolvedScene, window: SoilWindow) -> bool:
@@ -214,10 +211,12 @@ def disturbance_between(
     radius_m: float,
     speeds: SpeedZones | None = None,
     period_m: float | None = None,
+    surface: SurfaceProfile | None = None,
 ) -> Disturbance | None:
     """Disturbance from particles (n, 3) [m] before and after, in the same order; None for an empty slab.
 
     period_m: in y, of a bed without side walls: particles that leave on one side enter on the other.
+    surface: that the bed was trimmed to; None: a level bed.
     """
     within = (first_m[:, 0] >= slab_m[0]) & (first_m[:, 0] < slab_m[1])
     if not within.any():
@@ -229,6 +228,8 @@ def disturbance_between(
     moved = np.linalg.norm(way, axis=1) > radius_m
     cell = CELL_DIAMETERS * 2.0 * radius_m
     low, high = before.min(axis=0) - radius_m, before.max(axis=0) + radius_m
+    if period_m is not None:  # the bed has no sides that its outermost particles touch
+        low[1], high[1] = 0.5 * (low[1] + high[1]) + np.array((-0.5, 0.5)) * period_m
     shape = np.maximum(1, np.round((high[1:] - low[1:]) / cell).astype(int))
     step = (high[1:] - low[1:]) / shape  # whole cells across
     place = np.minimum(((before[:, 1:] - low[1:]) / step).astype(int), shape - 1)
@@ -237,9 +238,13 @@ def disturbance_between(
     np.add.at(count, (place[:, 1], place[:, 0]), 1.0)
     np.add.at(hits, (place[:, 1], place[:, 0]), moved)
     part = np.divide(hits, count, out=np.full(count.shape, np.nan), where=count > 0.0)
-    section = float((high[1] - low[1]) * (high[2] - low[2]))
     moved_fraction = float(moved.mean())
     slices = max(1, int((slab_m[1] - slab_m[0]) / (SLICE_DIAMETERS * 2.0 * radius_m)))
+    middles = slab_m[0] + (np.arange(slices) + 0.5) * (slab_m[1] - slab_m[0]) / slices
+    levelled = before[:, 2] - _surface_m(surface, before[:, 0])
+    rise, crest = _surface_m(surface, middles), levelled.max() + radius_m
+    sections = (high[1] - low[1]) * (crest + rise - low[2])  # of the bed, in each slice
+    section = float((high[1] - low[1]) * (crest + rise.mean() - low[2]))
     place_x = ((before[:, 0] - slab_m[0]) / (slab_m[1] - slab_m[0]) * slices).astype(int)
     of_slice = np.bincount(np.minimum(place_x, slices - 1), minlength=slices)
     moved_of = np.bincount(np.minimum(place_x, slices - 1), weights=moved, minlength=slices)
@@ -259,8 +264,8 @@ def disturbance_between(
         moved_fraction=moved_fraction,
         bed_section_m2=section,
         area_m2=moved_fraction * section,
-        slice_m2=section * moved_of / np.where(of_slice > 0.0, of_slice, 1.0),
-        surface_width_m=_surface_width_m(before, moved, low[1], high[1], cell, radius_m),
+        slice_m2=sections * moved_of / np.where(of_slice > 0.0, of_slice, 1.0),
+        surface_width_m=_surface_width_m(before[:, 1], levelled, moved, (low[1], high[1]), cell, radius_m),
         lift=lift,
         moved_map=part,
         cell_m=float(step[0]),
@@ -270,12 +275,19 @@ def disturbance_between(
 
 
 def _surface_width_m(
-    before: Values, moved: NDArray[np.bool_], low: float, high: float, cell: float, radius: float
+    y: Values,
+    levelled: Values,
+    moved: NDArray[np.bool_],
+    sides: tuple[float, float],
+    cell: float,
+    radius: float,
 ) -> float:
-    """Width of the columns in y of which half or more of the uppermost layer moved."""
-    top = before[:, 2] > before[:, 2].max() - 1.5 * radius
+    """Width of the columns in y of which half or more of the uppermost layer moved; levelled: heights (n,)
+    over the surface."""
+    low, high = sides
+    top = levelled > levelled.max() - 1.5 * radius
     columns = max(1, round((high - low) / cell))
-    place = np.minimum(((before[top, 1] - low) / (high - low) * columns).astype(int), columns - 1)
+    place = np.minimum(((y[top] - low) / (high - low) * columns).astype(int), columns - 1)
     count = np.bincount(place, minlength=columns)
     hits = np.bincount(place, weights=moved[top], minlength=columns)
     return float(((hits >= 0.5 * count) & (count > 0)).sum() * (high - low) / columns)
@@ -301,23 +313,48 @@ def _period_m(soil: Soil, first_m: Values) -> float | None:
     return float(np.ptp(first_m[:, 1])) + gap
 
 
-def _rear_m(resolved: ResolvedScene, motions: ToolMotions) -> float:
-    """The rearmost point of the shares [m]; the tools have passed the soil behind it."""
-    ends = []
-    for motion in motions.tools:
-        if resolved.scene.tools[motion.tool].is_tillage:
-            mesh = load_tool_mesh(resolved.directory, resolved.scene, motion.tool)
-            vertices = posed_vertices_m(mesh, motion, reference_angle(resolved.scene, motion.tool))
-            ends.append(float(vertices[vertices[:, 2] < 0.0, 0].min(initial=np.inf)))
-    return min(ends, default=np.inf)
+def _surface_m(surface: SurfaceProfile | None, x_m: Values) -> Values:
+    """Height of the bed's surface at places along it."""
+    return np.zeros_like(x_m) if surface is None else np.interp(x_m, surface.x_m, surface.z_m)
+
+
+def passed_slab_m(
+    series: Series, resolved: ResolvedScene, motions: Iterable[ToolMotions], until_ns: int
+) -> tuple[float, float]:
+    """The part of the bin along x [m] that all tillage tools have passed in the soil up to a time; its end is
+    before its start where there is none.
+
+    It starts the metrics margin behind the place where the tip of the last of them entered the soil. It ends
+    at the largest x that the rear of each of them reached in the soil, or the margin before the end of the
+    bin.
+    """
+    scene = resolved.scene
+    soil = scene.particle_soil
+    assert soil is not None
+    tools = [name for name, tool in scene.tools.items() if tool.is_tillage]
+    starts = [np.inf] * (not tools)
+    for x, z in tip_paths_m(series, resolved).values():
+        within = (z < _surface_m(soil.surface, x)) & (1e9 * series[TIME] < until_ns + 0.5)
+        starts.append(max(0.0, float(x[np.argmax(within)])) if within.any() else np.inf)
+    meshes = {name: load_tool_mesh(resolved.directory, scene, name) for name in tools}
+    ends = dict.fromkeys(tools, -np.inf)
+    for record in motions:
+        for motion in record.tools:
+            if motion.tool in meshes:
+                vertices = posed_vertices_m(meshes[motion.tool], motion, reference_angle(scene, motion.tool))
+                under = vertices[vertices[:, 2] < _surface_m(soil.surface, vertices[:, 0]), 0]
+                if len(under):
+                    ends[motion.tool] = max(ends[motion.tool], float(under.min()))
+    margin = scene.report.window_inside_m
+    return max(starts) + margin, min([*ends.values(), soil.bin.length_m - margin])
 
 
 def _speed_zones(clouds: list[SoilCloud], series: Series, resolved: ResolvedScene) -> SpeedZones | None:
     path = tip_path_m(series, resolved.scene)
     if path is None or not clouds:
         return None
-    share = next((tool for tool in resolved.scene.tools.values() if tool.is_tillage), None)
-    lateral = share.lateral_m if share is not None else 0.0
+    named = named_tool(resolved.scene)
+    lateral = resolved.scene.tools[named].lateral_m if named is not None else 0.0
     sums = []
     for cloud in clouds:
         tip_x, tip_z = (np.interp(1e-9 * cloud.end_time_ns, series[TIME], places) for places in path)

@@ -15,10 +15,11 @@ from ..loading.loader import ResolvedScene
 from ..messages import SpatialMotion, ToolMotion, ToolWrench
 from ..recording.checkpoint import Checkpoint
 from ..rotations import turned
-from ..scene.scene import Scene
+from ..scene.tool_mesh import reference_angle
 from ..ticks import NANOSECONDS_PER_SECOND, tick_end_s
 from ..yaml_document import Document
 from .columns import draft_of
+from .metrics_window import mesh_tip_m, named_tool
 from .stationarity import stationarity
 
 BIN_S = 0.01
@@ -49,19 +50,22 @@ class KnownMean:
             for name, tool in scene.tools.items()
             if tool.is_tillage or self._stop_when.metric == "draft_newton"
         )
-        self._tip = next(name for name, tool in scene.tools.items() if tool.is_tillage)
+        self._arms = {name: _tip_arm(resolved, name) for name, tool in scene.tools.items() if tool.is_tillage}
+        named = named_tool(scene)
+        assert named is not None  # as above
+        self._named = named
         self._inside_m = scene.report.window_inside_m
         self._last_m = scene.soil.bin.length_m - self._inside_m
-        self._arm_m, self._angle_rad = _tip_arm(scene, self._tip)
 
     def add(self, tick: int, motions: tuple[ToolMotion, ...], wrenches: tuple[ToolWrench, ...]) -> None:
-        """Take the exchange of `tick`; it counts if the tip is inside the metrics window."""
+        """Take the exchange of `tick`; it counts if all tips are inside the metrics window."""
         state = self.state
-        tip_m = self._tip_m(motions)
+        tips_m = self._tips_m(motions)
+        tip_m = tips_m[self._named]
         start_m = tip_m if state.start_m is None else state.start_m
         settled = tick_end_s(tick, self._communication_step_ns) > self._scene.report.settle_s
-        started = state.started or (settled and tip_m >= self._inside_m)
-        ended = state.ended or tip_m > self._last_m
+        started = state.started or (settled and min(tips_m.values()) >= self._inside_m)
+        ended = state.ended or max(tips_m.values()) > self._last_m
         means, total, count = state.means, state.total, state.count
         if started and not ended:
             total += draft_of(wrench for wrench in wrenches if wrench.tool in self._tools)
@@ -100,19 +104,34 @@ class KnownMean:
             "travel_m": state.travel_m,
         }
 
-    def _tip_m(self, motions: tuple[ToolMotion, ...]) -> float:
-        """Forward position of the share tip [m]; of the tool's origin if the scene has no report.tip_m."""
-        motion = next(motion for motion in motions if motion.tool == self._tip)
-        if isinstance(motion, SpatialMotion):
-            return motion.x_m + turned(motion.quaternion, (self._arm_m[0], 0.0, self._arm_m[1]))[0]
-        turn = motion.angle_rad - self._angle_rad
-        return motion.x_m + math.cos(turn) * self._arm_m[0] - math.sin(turn) * self._arm_m[1]
+    def _tips_m(self, motions: tuple[ToolMotion, ...]) -> dict[str, float]:
+        """Forward positions of the tips of all tillage tools [m], by tool."""
+        return {
+            motion.tool: _tip_x_m(motion, *self._arms[motion.tool])
+            for motion in motions
+            if motion.tool in self._arms
+        }
 
 
-def _tip_arm(scene: Scene, name: str) -> tuple[tuple[float, float], float]:
-    """From a tool's point to the tip in the reference pose (x, z) [m], and the tool's angle there [rad]."""
+def _tip_x_m(motion: ToolMotion, arm_m: tuple[float, float], angle_rad: float) -> float:
+    """Forward position of a tip [m]; arm_m, angle_rad: as _tip_arm gives them."""
+    arm_x, arm_z = arm_m
+    if isinstance(motion, SpatialMotion):
+        return motion.x_m + turned(motion.quaternion, (arm_x, 0.0, arm_z))[0]
+    turn = motion.angle_rad - angle_rad
+    return motion.x_m + math.cos(turn) * arm_x - math.sin(turn) * arm_z
+
+
+def _tip_arm(resolved: ResolvedScene, name: str) -> tuple[tuple[float, float], float]:
+    """From a tool's origin to its tip (x, z) [m] in the reference pose, and the tool's angle there [rad].
+
+    The tip is the tool's origin if the scene has no report.tip_m.
+    """
+    scene = resolved.scene
     if scene.report.tip_m is None:
         return (0.0, 0.0), 0.0
+    if name != named_tool(scene):
+        return mesh_tip_m(resolved, name), reference_angle(scene, name)
     x, z = scene.report.tip_m
     body = scene.tools[name].body
     if body is None or scene.mechanism is None:

@@ -1,8 +1,8 @@
 """Loads over the metrics window: what carries the machine, power, specific draft and energy.
 
 All follow from the columns of the series. Power is what each tool delivers to the soil, -(F v + M w), and
-what the driver of the draft delivers. The machine is carried, row by row, upward positive, by every vertical
-force from outside:
+what the driver of the draft delivers; without a mechanism, the drafts of all tools at their own speeds. The
+machine is carried, row by row, upward positive, by every vertical force from outside:
 
     weight = soil on shares + wheels + hitch + tethers + loads + inertia + rest
 
@@ -40,6 +40,10 @@ from .series import Series
 
 Values = NDArray[np.float64]
 
+ONE_WAY = 0.01
+"""Difference of the travels of two tools, relative to the longer one, up to which a metre is the same for
+both: a machine that turns a little has one travel, and its mean draft is rarely known to 1 %."""
+
 
 def loads_of(series: Series, resolved: ResolvedScene, window: Window) -> Document:
     """Loads over the metrics window, as in summary.json, units in the names; those the scene has."""
@@ -65,52 +69,56 @@ def _statistics(values: Values) -> dict[str, float]:
 
 
 def draft_work(series: Series, scene: Scene, rows: NDArray[np.bool_]) -> tuple[float, float] | None:
-    """Work of the draft [J] and travel of its point [m] over consecutive rows (n,); None without a draft."""
-    speed = _driven_speed(series, scene)
-    if speed is None or rows.sum() < 2:
+    """Work of the draft [J] and travel of its point [m] over consecutive rows (n,); None without a draft, or
+    with tools of different travels."""
+    pulls = _pulls(series, scene)
+    if not pulls or rows.sum() < 2:
         return None
-    times, draft = series[TIME][rows], series[DRAFT][rows]
-    power = draft * speed[rows]
-    step = np.diff(times)
-    work = float(step @ (power[1:] + power[:-1])) / 2.0
-    way = float(step @ (speed[rows][1:] + speed[rows][:-1])) / 2.0
-    return work, way
+    step = np.diff(series[TIME][rows])
+    power = np.sum([draft * speed for draft, speed in pulls], axis=0)[rows]
+    ways = [float(step @ (speed[rows][1:] + speed[rows][:-1])) / 2.0 for _, speed in pulls]
+    if max(ways) - min(ways) > ONE_WAY * max(map(abs, ways)):
+        return None
+    return float(step @ (power[1:] + power[:-1])) / 2.0, ways[0]
 
 
 def share_width_m(resolved: ResolvedScene) -> float | None:
-    """Width across travel [m] of the share of the first tillage tool; None without soil or share."""
+    """Width across travel [m] of the shares of all tillage tools together; None without soil or share."""
+    widths = []
     for name, tool in resolved.scene.tools.items():
         if tool.is_tillage:
             mesh = load_tool_mesh(resolved.directory, resolved.scene, name)
             try:
-                return next(face.width_m for face in cutting_faces(mesh, f"tools.{name}") if face.is_share)
+                faces = cutting_faces(mesh, f"tools.{name}")
             except SceneError:  # no facet faces forward
                 return None
-    return None
+            widths.append(next(face.width_m for face in faces if face.is_share))
+    return sum(widths) if widths else None
 
 
-def _driven_speed(series: Series, scene: Scene) -> Values | None:
-    """Forward speed (n,) of what the draft pulls."""
+def _pulls(series: Series, scene: Scene) -> list[tuple[Values, Values]]:
+    """Drafts and forward speeds, each (n,), of what pulls: the driver of the draft, or without a mechanism
+    each tool."""
     mechanism = scene.mechanism
     if DRAFT not in series:
-        return None
+        return []
     if mechanism is None:
-        name, tool = next(iter(scene.tools.items()))
-        speed = (SpatialTool(name) if tool.is_spatial else PlanarTool(name)).velocity_x_m_per_s
-    elif mechanism.draft_driver is not None:
-        driver = mechanism.joints[mechanism.draft_driver]
-        assert isinstance(driver, Driver)
-        speed = Body(driver.body).velocity_x_m_per_s
-    else:
-        return None
-    return np.asarray(series[speed], np.float64)
+        return [
+            (-series[Wrench(name).force_x_newton], series[PlanarTool(name).velocity_x_m_per_s])
+            for name in scene.tools
+        ]
+    if mechanism.draft_driver is None:
+        return []
+    driver = mechanism.joints[mechanism.draft_driver]
+    assert isinstance(driver, Driver)
+    return [(series[DRAFT], series[Body(driver.body).velocity_x_m_per_s])]
 
 
 def _power(series: Series, scene: Scene) -> dict[str, Values]:
     found: dict[str, Values] = {}
-    speed = _driven_speed(series, scene)
-    if speed is not None:
-        found["draft_watt"] = series[DRAFT] * speed
+    pulls = _pulls(series, scene)
+    if pulls:
+        found["draft_watt"] = np.sum([draft * speed for draft, speed in pulls], axis=0)
     for name, tool in scene.tools.items():
         load = Wrench(name)
         if load.force_x_newton not in series:

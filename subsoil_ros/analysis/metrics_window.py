@@ -1,13 +1,19 @@
-"""The part of a run that metrics are taken over: the tip well inside the bin, the wheels clear of its end."""
+"""The part of a run that metrics are taken over: tips well inside the bin, the wheels clear of its end."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..loading.loader import ResolvedScene
 from ..scene.scene import Scene
+from ..scene.tool_mesh import load_tool_mesh, reference_angle
+from ..scene.tool_shape import lowest_tip_m
 from .columns import TIME, Body, PlanarTool, SpatialTool
 from .series import Series
+
+Path = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""x and z of a point of a tool, each (n,) [m]."""
 
 WHEEL_CLEARANCE_M = 0.25
 """Distance of the centres of wheels from the end of the bin: room for a wheel and the soil it pushes."""
@@ -22,8 +28,9 @@ class Window:
     whole_run: bool  # the rule left no row, so all of them count
 
 
-def metrics_window(series: Series, scene: Scene) -> Window:
+def metrics_window(series: Series, resolved: ResolvedScene) -> Window:
     """The window of a run; the whole run, with `whole_run` set, where the rule leaves no row."""
+    scene = resolved.scene
     report = scene.report
     rules = []
     begun = series[TIME] > 0.0  # the state before the first tick is no part of it
@@ -34,8 +41,10 @@ def metrics_window(series: Series, scene: Scene) -> Window:
     tip = tip_x_m(series, scene)
     if scene.soil is not None and tip is not None:
         inside, length = report.window_inside_m, scene.soil.bin.length_m
-        rows &= (tip >= inside) & (tip <= length - inside)
-        rules.append(f"tip {inside:g} m or more inside both ends of the bin")
+        tips = [tip, *(x for x, _ in tip_paths_m(series, resolved).values())]
+        rows &= (np.min(tips, axis=0) >= inside) & (np.max(tips, axis=0) <= length - inside)
+        who = "tip" if sum(tool.is_tillage for tool in scene.tools.values()) < 2 else "tips of all tools"
+        rules.append(f"{who} {inside:g} m or more inside both ends of the bin")
     if scene.soil is not None:
         wheels = [name for name, tool in scene.tools.items() if not tool.is_tillage]
         for name in wheels:
@@ -54,23 +63,53 @@ def tip_x_m(series: Series, scene: Scene) -> NDArray[np.float64] | None:
     return None if path is None else path[0]
 
 
-def tip_path_m(series: Series, scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """x and z of the share tip, each (n,) [m]; None as tip_x_m."""
+def tip_path_m(series: Series, scene: Scene) -> Path | None:
+    """Path of the share tip that report.tip_m names; None as tip_x_m."""
     if scene.report.tip_m is None:
         return None
     tip_x, tip_z = scene.report.tip_m
-    tool = next((name for name, item in scene.tools.items() if item.is_tillage), None)
-    body = scene.report.shank or (scene.tools[tool].body if tool is not None else None)
+    tool = named_tool(scene)
+    body = scene.report.shank if tool is None else scene.tools[tool].body
     if body is not None and scene.mechanism is not None:
         reference = scene.mechanism.bodies[body]
-        at: Body | PlanarTool | SpatialTool = Body(body)
-        angle = reference.angle_rad
-        arm_x, arm_z = tip_x - reference.position_m[0], tip_z - reference.position_m[1]
-    elif tool is not None:
-        at = SpatialTool(tool) if scene.tools[tool].is_spatial else PlanarTool(tool)
-        angle, arm_x, arm_z = 0.0, tip_x, tip_z
-    else:
+        arm_m = tip_x - reference.position_m[0], tip_z - reference.position_m[1]
+        return _carried(series, Body(body), reference.angle_rad, arm_m)
+    if tool is None:
         return None
+    at = SpatialTool(tool) if scene.tools[tool].is_spatial else PlanarTool(tool)
+    return _carried(series, at, 0.0, (tip_x, tip_z))
+
+
+def named_tool(scene: Scene) -> str | None:
+    """The tillage tool whose tip report.tip_m is: that on report.shank, or the first; None without any."""
+    tillage = [name for name, tool in scene.tools.items() if tool.is_tillage]
+    on_shank = [name for name in tillage if scene.tools[name].body == scene.report.shank is not None]
+    return next(iter([*on_shank, *tillage]), None)
+
+
+def mesh_tip_m(resolved: ResolvedScene, tool: str) -> tuple[float, float]:
+    """Foremost place of the lowest edge of a tool's mesh, x and z from the origin of its motion [m]."""
+    return lowest_tip_m(load_tool_mesh(resolved.directory, resolved.scene, tool).vertices_m)
+
+
+def tip_paths_m(series: Series, resolved: ResolvedScene) -> dict[str, Path]:
+    """Paths of the tips of all tillage tools: that of report.tip_m, and those of the other tools' meshes."""
+    scene, found = resolved.scene, dict[str, Path]()
+    named, path = named_tool(scene), tip_path_m(series, scene)
+    for name, tool in scene.tools.items():
+        if name == named and path is not None:
+            found[name] = path
+        elif tool.is_tillage:
+            at = SpatialTool(name) if tool.is_spatial else PlanarTool(name)
+            found[name] = _carried(series, at, reference_angle(scene, name), mesh_tip_m(resolved, name))
+    return found
+
+
+def _carried(
+    series: Series, at: Body | PlanarTool | SpatialTool, angle_rad: float, arm_m: tuple[float, float]
+) -> Path:
+    """Path of a point of a body or tool; arm_m: x and z from its origin where it stands at angle_rad."""
+    arm_x, arm_z = arm_m
     if isinstance(at, SpatialTool):
         from scipy.spatial.transform import Rotation  # slow to import, and rarely used
 
@@ -79,7 +118,7 @@ def tip_path_m(series: Series, scene: Scene) -> tuple[NDArray[np.float64], NDArr
             (arm_x, 0.0, arm_z)
         )
         return series[at.x_m] + arm[:, 0], series[at.z_m] + arm[:, 2]
-    turn = series[at.angle_rad] - angle
+    turn = series[at.angle_rad] - angle_rad
     cosine, sine = np.cos(turn), np.sin(turn)
     return (
         series[at.x_m] + cosine * arm_x - sine * arm_z,

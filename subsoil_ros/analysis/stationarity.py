@@ -82,9 +82,14 @@ class Stationarity:
         return "drifts" if abs(self.slope_per_s) > self.slope_half_width_per_s else "no drift seen"
 
 
+def _about_mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Differences (n,) from the mean; exactly zero for a constant, whose mean is rounded."""
+    return values - values.mean() if np.ptp(values) > 0.0 else np.zeros(len(values))
+
+
 def correlation_steps(values: NDArray[np.float64]) -> float:
     """Integrated autocorrelation time of (n,) values in steps; 1/2 for independent ones."""
-    about = values - values.mean()
+    about = _about_mean(values)
     count = len(about)
     size = 2 ** math.ceil(math.log2(2 * count))
     spectrum = np.abs(np.fft.rfft(about, size)) ** 2
@@ -113,7 +118,7 @@ def stationarity(times_s: NDArray[np.float64], values: NDArray[np.float64]) -> S
         return None
     step_s = float(np.median(np.diff(times_s)))
     centred = times_s - times_s.mean()
-    about = values - values.mean()
+    about = _about_mean(values)
     spread = float(centred @ centred)
     slope = float(centred @ about) / spread
     residual = about - slope * centred

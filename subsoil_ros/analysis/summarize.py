@@ -191,7 +191,7 @@ def summarize(
     """
     scene, timing = resolved.scene, resolved.timing
     series = series if series is not None else read_series(bag, scene)
-    window = metrics_window(series, scene)
+    window = metrics_window(series, resolved)
     statistics = statistics if statistics is not None else run_statistics(bag, resolved, series, window)
     start_s, end_s = window_span_s(series, window)
     simulated_s = float(series[TIME][-1])

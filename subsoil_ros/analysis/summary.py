@@ -233,9 +233,9 @@ class Vertical(StrictModel):
 class Specific(StrictModel):
     """Draft per width of share and loosened section; work of the draft per distance and loosened volume."""
 
-    share_width_m: Number = None
+    share_width_m: Number = Field(None, description="Of the shares of all tillage tools together.")
     draft_newton_per_m: Number = None
-    energy_joule_per_m: Number = None
+    energy_joule_per_m: Number = Field(None, description="Where all tools travel alike.")
     energy_joule_per_m3: Number = None
     draft_pa: Number = None
 
@@ -265,7 +265,7 @@ class Loads(StrictModel):
 
     vertical: Vertical
     power: dict[Annotated[str, Field(pattern="_watt$")], Statistics] = Field(
-        description="draft_watt: draft times speed; TOOL_watt: what the soil takes of a tool.",
+        description="draft_watt: draft times speed, on paths tool by tool; TOOL_watt: taken by the soil.",
         json_schema_extra={"additionalProperties": False},
     )
     tip_depth_m: Statistics | None = Field(None, description="Of the share's tip below z = 0.")

@@ -58,7 +58,7 @@ def _report(recorded: RecordedRun, html: bool) -> int:
     directory, bag, resolved = recorded.directory, recorded.bag, recorded.resolved
     with reading_bag(resolved.timing) as on_time:
         series = read_series(bag, resolved.scene, on_time)
-    window = metrics_window(series, resolved.scene)
+    window = metrics_window(series, resolved)
     with working("reading the clouds"):
         statistics = run_statistics(bag, resolved, series, window)
     summary = summarize(bag, resolved, _known_facts(directory), series, statistics)

@@ -73,7 +73,8 @@ def metrics_of(run: CachedRun) -> dict[str, float]:
         found["draft_peak_newton"] = float(np.max(moving_mean(series, DRAFT, MOVING_S)[rows]))
         found["draft_deviation_newton"] = deviation(series, DRAFT, rows)
         found["draft_frequency_hz"] = dominant_frequency_hz(times[rows], draft[rows])
-        found["frequency_resolution_hz"] = 1.0 / float(np.ptp(times[rows]))
+        length_s = float(np.ptp(times[rows]))
+        found["frequency_resolution_hz"] = 1.0 / length_s if length_s > 0.0 else math.nan
     spring = spring_of(run)
     if spring is not None and (name := spring_element(spring).load) in series:
         found["spring_range_newton"] = float(np.ptp(moving_mean(series, name, MOVING_S)[rows]))
@@ -123,7 +124,10 @@ def _known(number: Number) -> float:
 
 
 def deviation(series: Columns, name: str, rows: NDArray[np.bool_]) -> float:
-    """Standard deviation of a column's 20 ms mean about a straight line over rows (n,)."""
+    """Standard deviation of a column's 20 ms mean about a straight line over rows (n,); nan with fewer than
+    three of them, as a line meets two."""
+    if np.count_nonzero(rows) < 3:
+        return math.nan
     times, values = series[TIME][rows], moving_mean(series, name, SMOOTHED_S)[rows]
     return float(np.std(values - np.polyval(np.polyfit(times - times[0], values, 1), times - times[0])))
 

@@ -248,11 +248,17 @@ def _with_forces(source: Source, run: CachedRun) -> Source:
         if parts and all(part in columns for part in parts):
             columns[name] = np.sum([columns[part] for part in parts], axis=0)
     mechanism, tools = scene.get("mechanism"), scene.get("tools")
-    speed = None
+    pulls: list[
+        tuple[str, str, float]
+    ] = []  # columns of force and speed, and the sign of a draft in the force
     if mechanism and mechanism.get("draft_driver"):
-        speed = Body(mechanism["joints"][mechanism["draft_driver"]]["body"]).velocity_x_m_per_s
-    elif tools and not mechanism:
-        speed = PlanarTool(next(iter(tools))).velocity_x_m_per_s
-    if DRAFT in columns and speed in columns:
-        columns[POWER] = columns[DRAFT] * columns[speed]
+        body = Body(mechanism["joints"][mechanism["draft_driver"]]["body"])
+        pulls = [(DRAFT, body.velocity_x_m_per_s, 1.0)]
+    elif not mechanism:
+        names = tools or {}
+        pulls = [(Wrench(name).force_x_newton, PlanarTool(name).velocity_x_m_per_s, -1.0) for name in names]
+    if pulls and all(force in columns and speed in columns for force, speed, _ in pulls):
+        columns[POWER] = np.sum(
+            [sign * columns[force] * columns[speed] for force, speed, sign in pulls], axis=0
+        )
     return replace(source, columns=columns)

@@ -148,7 +148,7 @@ def _over_time(run: RunData, name: str, compared: bool = False) -> Figure:
             words = f"{parts.get(part, _words(run, name).lower())}, mean over {SMOOTHED_S:g} s"
             traces.append(_line(times, moving_mean(series, part, SMOOTHED_S)[every], words, color=colour))
     figure = _figure(traces, f"{title} in the window", "simulated time [s]", words_of(name))
-    window = metrics_window(series, run.resolved.scene)
+    window = metrics_window(series, run.resolved)
     start, end = window_span_s(series, window)
     shapes, notes = figure["layout"]["shapes"], figure["layout"]["annotations"]
     window_shape = {"type": "rect", "x0": start, "x1": end, "y0": 0, "y1": 1, "xref": "x", "yref": "y domain"}
@@ -174,7 +174,7 @@ def _over_travel(run: RunData, name: str) -> Figure:
     assert tip is not None
     every = slice(None, None, run.every)
     traces = [_line(tip[every], values[every], f"mean over {SMOOTHED_S:g} s")]
-    window = metrics_window(series, scene)
+    window = metrics_window(series, run.resolved)
     failures = failures_of(series, scene, window)
     if failures is not None:
         at = np.flatnonzero(window.rows)[failures.failures]

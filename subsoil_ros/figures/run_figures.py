@@ -49,7 +49,7 @@ def draw_figures(
     """
     scene = resolved.scene
     series = series if series is not None else read_series(bag, scene)
-    window = metrics_window(series, scene)
+    window = metrics_window(series, resolved)
     span_s = window_span_s(series, window)
     directory.mkdir(parents=True, exist_ok=True)
     paths = []

@@ -315,8 +315,8 @@ def _fill_time(travel: object, placed: list[_Placed], fill: Fill, shown: str) ->
 
 
 def _fill_soil(document: Document, placed: list[_Placed], behind_m: float, fill: Fill, shown: str) -> None:
-    """Size of the field, of the particles, and where means begin: with the last tool, whose tip is `behind_m`
-    behind the tip of the report."""
+    """Size of the field, of the particles, and where means begin; behind_m: of the last tip behind the first
+    tillage tool's."""
     soil, depth = document.get("soil"), max(tool.depth_m for tool in placed)
     material = None
     if isinstance(soil, dict) and isinstance(soil.get("material"), str):
@@ -329,8 +329,8 @@ def _fill_soil(document: Document, placed: list[_Placed], behind_m: float, fill:
     ahead = depth if material is None else rupture_distance_m(depth, material.soil.friction_angle_deg)
     fill(
         "report.window_inside_m",
-        math.ceil(100.0 * (ahead + behind_m)) / 100.0,
-        f"ahead of {'the tip' if behind_m == 0.0 else 'the last tip'} the soil fails within it",
+        math.ceil(100.0 * ahead) / 100.0,
+        "ahead of the tip the soil fails within it",
     )
     if material is None or not isinstance(soil, dict):
         return

@@ -67,7 +67,7 @@ class Report(StrictModel):
         None, description="(x, z) of the share tip in the reference pose."
     )
     window_inside_m: NonNegative = Field(
-        0.3, description="metrics are taken while the tip is this far inside both ends of the bin."
+        0.3, description="metrics are taken while all tips are this far inside both ends of the bin."
     )
     settle_s: NonNegative = Field(0.0, description="metrics start after this.")
     reference: str | None = Field(

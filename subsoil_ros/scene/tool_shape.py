@@ -45,11 +45,17 @@ def part_below(
     return np.concatenate((edges[below], start + part[:, None] * (end - start)))
 
 
+def lowest_tip_m(vertices_m: NDArray[np.float64]) -> tuple[float, float]:
+    """x and z of the foremost place of the lowest edge of a tool, from its vertices (n, 3) [m]."""
+    x, _, z = vertices_m.T
+    low = float(z.min())
+    return float(x[z <= low + EDGE * float(np.ptp(z))].max()), low
+
+
 def tool_shape(vertices_m: NDArray[np.float64], facets: NDArray[np.integer], depth_m: float) -> ToolShape:
     """The shape of a tool whose lowest vertex is `depth_m` below the surface."""
-    x, _, z = vertices_m.T
+    z = vertices_m[:, 2]
     low, height = float(z.min()), float(np.ptp(z))
-    edge = z <= low + EDGE * height
     inside = part_below(vertices_m, facets, low + depth_m)
     corners = vertices_m[facets]
     area = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -58,7 +64,7 @@ def tool_shape(vertices_m: NDArray[np.float64], facets: NDArray[np.integer], dep
     front = at_edge & (normal[:, 0] > SLANTED)
     under = at_edge & (normal[:, 2] < -SLANTED) & (-normal[:, 2] >= np.abs(normal[:, 0]))
     return ToolShape(
-        tip_m=(float(x[edge].max()), low),
+        tip_m=lowest_tip_m(vertices_m),
         foremost_m=float(inside[:, 0].max()),
         sides_m=(float(inside[:, 1].min()), float(inside[:, 1].max())),
         height_m=height,

@@ -84,7 +84,7 @@ class GrowingRun:
     """
 
     def __init__(self, folder: Path, file: Path) -> None:
-        resolved = load_scene(folder / "scene.yaml")
+        self._resolved = resolved = load_scene(folder / "scene.yaml")
         self._scene, self._step_ns = resolved.scene, resolved.timing.communication_step_ns
         self._schedule, self._bag = Schedule.of(self._scene, resolved.timing), GrowingBag(file)
         kinds: list[type] = [ToolMotions, CouplingReport]
@@ -108,7 +108,7 @@ class GrowingRun:
                         columns.setdefault(name, []).append(value)
         if DRAFT in columns:
             series = Series({name: np.array(values) for name, values in columns.items()}, "", 0.0)
-            window = metrics_window(series, self._scene)
+            window = metrics_window(series, self._resolved)
             counts = window.rows & (not window.whole_run)
             for kept, values in zip(self._kept, (series[TIME], series[DRAFT], counts), strict=True):
                 kept.extend(values.tolist())

@@ -1,6 +1,7 @@
 """Disturbance of a lattice whose moved part is known."""
 
 import csv
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,11 +9,16 @@ import pytest
 from subsoil_ros.analysis.disturbance import (
     Places,
     disturbance_between,
+    passed_slab_m,
     write_height_map_csv,
     write_section_csv,
 )
-from subsoil_ros.messages import SoilCloud
+from subsoil_ros.analysis.series import Series
+from subsoil_ros.loading.loader import load_scene
+from subsoil_ros.messages import SoilCloud, ToolMotion, ToolMotions
+from subsoil_ros.scene.bed_kinds import SurfaceProfile
 
+SCENES = Path(__file__).parents[2] / "config/scenes"
 RADIUS = 0.01
 
 
@@ -95,6 +101,69 @@ def test_a_particle_that_crosses_a_periodic_side_has_not_moved_far():
         wrapped.mean()
     )
     assert disturbance_between(before, after, (0.1, 0.5), RADIUS, period_m=0.4).moved_fraction == 0.0
+
+
+def test_a_periodic_bed_is_as_wide_as_its_period():
+    """No sides hold its outermost particles, so they reach over them; of a random bed from side to side."""
+    before = lattice() * (1.0, 0.40 / 0.38, 1.0)
+    after = before.copy()
+    after[before[:, 2] > -0.10, 2] += 0.03
+    found = disturbance_between(before, after, (0.1, 0.5), RADIUS, period_m=0.4)
+    assert found.area_m2 == pytest.approx(0.4 * 0.10)
+    assert found.surface_width_m == pytest.approx(0.4)
+
+
+def test_the_section_of_a_slope_is_that_of_the_bed_below_it():
+    """A bed 0.2 m deep, whose surface falls to half its depth, a strip of which moves: slice by slice what is
+    left of it, and the width at the surface of all of the slope."""
+    slope = SurfaceProfile(x_m=(0.0, 0.6), z_m=(0.0, -0.10))
+    before = lattice()
+    before = before[before[:, 2] + RADIUS <= np.interp(before[:, 0], slope.x_m, slope.z_m) + 1e-9]
+    after = before.copy()
+    strip = np.abs(before[:, 1]) < 0.06
+    after[strip, 2] += 0.03
+    found = disturbance_between(before, after, (0.1, 0.5), RADIUS, surface=slope)
+    assert found.area_m2 == pytest.approx(0.12 * 0.15, rel=0.04)  # layers are 20 mm thick
+    heights = 0.2 + np.interp(found.slices_m, slope.x_m, slope.z_m)
+    assert found.slice_m2 == pytest.approx(0.12 * heights, rel=0.07)
+    assert found.slice_m2.mean() == pytest.approx(found.area_m2, rel=0.02)
+    assert found.surface_width_m == pytest.approx(0.12)
+
+
+def height_of(way: str, x_m: float) -> float:
+    """How much higher than at work a tine is: lifted out, or plunged in, 1 m from the start of its bin."""
+    return {"whole": 0.0, "lifted": 0.5 * (x_m > 1.0), "plunged": 0.5 * (x_m < 1.0)}[way]
+
+
+@pytest.mark.parametrize(
+    ("way", "slab"), [("whole", (0.2, 1.8)), ("lifted", (0.2, 0.824)), ("plunged", (1.2, 1.8))]
+)
+def test_the_slab_is_what_the_tool_has_passed(way, slab):
+    """From 0.2 m behind where the tip comes into the soil to where the rear of the share, 176 mm behind it,
+    was last in it, or to 0.2 m before the end."""
+    resolved = load_scene(SCENES / "tine.yaml", ("soil.bin.length_m=2.0",))
+    tip = np.arange(-0.0475, 2.5, 0.005)
+    z = np.array([0.1 + height_of(way, x) for x in tip])
+    columns = {"time_s": 0.01 * np.arange(len(tip)), "tool.tine.x_m": tip - 0.12, "tool.tine.z_m": z}
+    series = Series(columns | {"tool.tine.angle_rad": 0.0 * tip}, "run", 1.0)
+    motions = [
+        ToolMotions("run", k, 10_000_000 * k, (ToolMotion("tine", tip[k] - 0.12, 0.0, z[k], *[0.0] * 4),))
+        for k in range(len(tip))
+    ]
+    found = passed_slab_m(series, resolved, motions, motions[-1].end_time_ns)
+    assert found == pytest.approx(slab, abs=0.006)  # a row is 5 mm
+
+
+def test_soil_under_a_tool_in_the_air_is_not_passed():
+    """A tine that stays above the soil, and one that comes into it after the last cloud."""
+    resolved = load_scene(SCENES / "tine.yaml", ("soil.bin.length_m=2.0",))
+    times = np.array((0.0, 1.0, 2.0, 3.0))
+    for z, until_ns in ((np.full(4, 0.6), 3_000_000_000), (np.array((0.6, 0.6, 0.6, 0.1)), 2_000_000_000)):
+        columns = {"time_s": times, "tool.tine.x_m": 0.5 * times, "tool.tine.z_m": z}
+        series = Series(columns | {"tool.tine.angle_rad": 0.0 * times}, "run", 1.0)
+        motion = ToolMotion("tine", 1.0, 0.0, float(z[2]), *[0.0] * 4)
+        start, end = passed_slab_m(series, resolved, [ToolMotions("run", 0, until_ns, (motion,))], until_ns)
+        assert end < start
 
 
 def test_height_map_file(tmp_path):

@@ -99,3 +99,12 @@ def test_student_factor():
     assert t_quantile(10.0) == pytest.approx(2.228, abs=5e-4)
     assert t_quantile(1e9) == pytest.approx(1.960, abs=5e-4)
     assert t_quantile(0.0) == math.inf
+
+
+def test_a_constant_has_no_scatter():
+    """Though the mean of its values is rounded: all of them count, and nothing is correlated."""
+    found = stationarity(0.001 * np.arange(1999), np.full(1999, 0.1))
+    assert found.effective_count == 1999.0
+    assert found.correlation_s == pytest.approx(0.0005)
+    assert (found.mean_half_width, found.deviation) == (0.0, 0.0)
+    assert found.verdict == "no drift seen"

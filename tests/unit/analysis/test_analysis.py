@@ -1,16 +1,18 @@
 """Series, window and summary of a run, from bags with known content."""
 
 import csv
+import dataclasses
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from subsoil_ros.analysis.metrics_window import metrics_window, tip_x_m
-from subsoil_ros.analysis.series import read_series, running_mean, write_series_csv
+from subsoil_ros.analysis.metrics_window import metrics_window, tip_paths_m, tip_x_m
+from subsoil_ros.analysis.series import Series, read_series, running_mean, write_series_csv
 from subsoil_ros.analysis.summarize import summarize
 from subsoil_ros.errors import RecordingError
+from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.messages import (
     CouplingReport,
     MechanismState,
@@ -18,7 +20,8 @@ from subsoil_ros.messages import (
     ToolMotions,
     ToolWrenches,
 )
-from tests.unit.analysis.made_up_runs import INTERVAL_NS, TICKS, Run, full_machine, tine
+from tests.unit.analysis.made_up_runs import INTERVAL_NS, SCENES, TICKS, Run, full_machine, tine
+from tests.unit.analysis.made_up_series import pulled, two_ranks
 
 
 @pytest.fixture(scope="module")
@@ -128,13 +131,39 @@ def test_window_is_where_the_tip_is_inside_and_the_wheels_are_clear(machine):
     bin_ = scene.soil.bin.model_copy(update={"length_m": 1.0})
     scene = scene.model_copy(update={"soil": scene.soil.model_copy(update={"bin": bin_})})
     series = read_series(directory / "bag", scene)
-    window = metrics_window(series, scene)
+    window = metrics_window(series, dataclasses.replace(run.resolved, scene=scene))
     tip, wheel = tip_x_m(series, scene), series["tool.wheel_left.x_m"]
     expected = (tip >= 0.15) & (tip <= 0.85) & (wheel <= 0.75)
     assert expected.any()
     assert not expected.all()
     np.testing.assert_array_equal(window.rows, expected)
     assert not window.whole_run
+
+
+def test_window_is_where_the_tips_of_all_tools_are_inside(tmp_path):
+    """Two ranks, 1 m apart: from the entry of the rear one until the front one comes to the end."""
+    resolved = two_ranks(tmp_path)
+    series = pulled(resolved, 0.003 + 0.01 * np.arange(800), (0.5, 0.5), 1000.0)
+    window = metrics_window(series, resolved)
+    front, rear = (series[f"tool.{name}.x_m"] + 0.12 for name in ("front", "rear"))
+    np.testing.assert_array_equal(window.rows, (rear >= 0.2) & (front <= 2.8))
+    assert series["draft_newton"][window.rows].mean() == pytest.approx(2000.0)
+    assert window.rule == "tips of all tools 0.2 m or more inside both ends of the bin"
+
+
+def test_the_tips_of_other_tools_are_those_of_their_meshes():
+    """Three shanks of one kind on one frame: the outer tips beside the one that the scene names."""
+    resolved = load_scene(SCENES / "three_shanks_wedge.yaml")
+    columns = {}
+    for name, body in resolved.scene.mechanism.bodies.items():
+        for kind in ("body", "tool"):
+            columns[f"{kind}.{name}.x_m"] = body.position_m[0] + np.arange(3.0)
+            columns[f"{kind}.{name}.z_m"] = body.position_m[1] + np.zeros(3)
+            columns[f"{kind}.{name}.angle_rad"] = body.angle_rad + np.array((0.0, 0.1, -0.1))
+    paths = tip_paths_m(Series(columns, "run", 1.0), resolved)
+    assert list(paths) == ["shank", "shank_left", "shank_right"]
+    for name in ("shank_left", "shank_right"):
+        np.testing.assert_allclose(paths[name], paths["shank"], atol=0.001)
 
 
 def test_empty_window_means_the_whole_run_and_says_so(machine):

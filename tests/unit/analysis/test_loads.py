@@ -7,7 +7,7 @@ import pytest
 
 from subsoil_ros.analysis.loads import draft_work, loads_of
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
-from tests.unit.analysis.made_up_series import ROWS, STEP_S, made_up, whole
+from tests.unit.analysis.made_up_series import ROWS, STEP_S, made_up, pulled, two_ranks, whole
 
 SCENES = Path(__file__).parents[3] / "config/scenes"
 
@@ -56,3 +56,23 @@ def test_specific_draft(machine):
         float(series["draft_newton"].mean()) / 0.060
     )
     assert found["tip_depth_m"]["mean"] == pytest.approx(-machine.scene.report.tip_m[1])
+
+
+def test_two_tools_have_the_width_of_two_shares(tmp_path):
+    """1000 N each over 60 mm each, at one speed: work per metre is the draft of both."""
+    resolved = two_ranks(tmp_path)
+    series = pulled(resolved, 3.0 + STEP_S * np.arange(ROWS), (0.5, 0.5), 1000.0)
+    found = loads_of(series, resolved, whole(series))["specific"]
+    assert found["share_width_m"] == pytest.approx(0.120)
+    assert found["draft_newton_per_m"] == pytest.approx(2000.0 / 0.120)
+    assert found["energy_joule_per_m"] == pytest.approx(2000.0)
+
+
+def test_each_tool_on_a_path_has_its_own_speed(tmp_path):
+    """1000 N at 0.5 m/s and at 1 m/s: the draft's power is that of both, and there is no common metre."""
+    resolved = two_ranks(tmp_path)
+    series = pulled(resolved, 1.5 + STEP_S * np.arange(ROWS), (0.5, 1.0), 1000.0)
+    found = loads_of(series, resolved, whole(series))
+    power = {name: item["mean"] for name, item in found["power"].items()}
+    assert power == pytest.approx({"draft_watt": 1500.0, "front_watt": 500.0, "rear_watt": 1000.0})
+    assert "energy_joule_per_m" not in found["specific"]

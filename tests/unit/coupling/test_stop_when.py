@@ -12,14 +12,17 @@ import pytest
 import yaml
 
 import subsoil_ros as subsoil
+from subsoil_ros.analysis.known_mean import KnownMean
+from subsoil_ros.analysis.metrics_window import metrics_window
 from subsoil_ros.analysis.stationarity import stationarity
 from subsoil_ros.api.read import Run
 from subsoil_ros.cli.main import main
 from subsoil_ros.errors import InterruptedRunError, SceneError
 from subsoil_ros.loading.loader import load_scene
-from subsoil_ros.messages import Command, Grant, ToolMotions, ToolWrenches
+from subsoil_ros.messages import Command, Grant, ToolMotion, ToolMotions, ToolWrench, ToolWrenches
 from subsoil_ros.recording.bag_info import describe
 from subsoil_ros.recording.bag_reader import BagReader
+from tests.unit.analysis.made_up_series import pulled, two_ranks
 
 ROOT = Path(__file__).parents[3]
 STEP_NS, CHECK_TICKS, BIN_TICKS = 2_000_000, 50, 5
@@ -142,6 +145,29 @@ def test_a_mean_that_is_not_reached_is_said(
     assert run["complete"]
     assert not run["stop_when"]["reached"]
     assert travel_m <= run["stop_when"]["travel_m"] < travel_m + 0.5 * 0.1 + 0.001  # a check every 0.1 s
+
+
+def test_the_mean_of_two_ranks_counts_in_the_metrics_window(tmp_path: Path) -> None:
+    """From the first tick with both tips inside the margins to the last one, as the summary's mean does."""
+    resolved = two_ranks(
+        tmp_path, coupling={"communication_step_ns": 10_000_000}, stop_when={"relative_interval": 0.05}
+    )
+    series = pulled(resolved, 0.003 + 0.01 * np.arange(1, 801), (0.5, 0.5), 1000.0)
+    window, rule, counted = metrics_window(series, resolved), KnownMean(resolved), []
+    for tick in range(len(series)):
+        row = {name: values[tick] for name, values in series.columns.items()}
+        motions = [
+            ToolMotion(name, row[f"tool.{name}.x_m"], 0.0, row[f"tool.{name}.z_m"], 0.0, 0.5, 0.0, 0.0)
+            for name in resolved.scene.tools
+        ]
+        wrenches = [
+            ToolWrench(name, row[f"tool.{name}.force_x_newton"], *[0.0] * 6, 1)
+            for name in resolved.scene.tools
+        ]
+        rule.add(tick, tuple(motions), tuple(wrenches))
+        counted.append(rule.state.started and not rule.state.ended)
+    np.testing.assert_array_equal(counted, window.rows)
+    assert set(rule.state.means) == {2000.0}
 
 
 def test_confidence_widens_the_interval(ended: Run, tmp_path: Path) -> None:

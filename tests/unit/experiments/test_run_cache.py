@@ -225,6 +225,19 @@ def test_deviation_and_vertical_force_of_a_kept_run(tmp_path: Path) -> None:
     assert metrics["vertical_mean_newton"] == pytest.approx(-4.0, rel=1e-3)
 
 
+@pytest.mark.parametrize("end_s", [1.0, 1.001])
+def test_a_window_of_one_or_two_rows_has_means_alone(tmp_path: Path, end_s: float) -> None:
+    """No deviation and no frequency, rather than those of a line through the rows."""
+    (tmp_path / "scene.yaml").write_text("tools: {tine: {}}\n")
+    write_summary(tmp_path, 1.0, end_s)
+    rows = "\n".join(f"{1e-3 * k:.3f},{100.0 + k % 2}" for k in range(2000))
+    (tmp_path / "series.csv").write_text(f"time_s,draft_newton\n{rows}\n")
+    metrics = metrics_of(CachedRun(tmp_path))
+    assert 100.0 <= metrics["draft_mean_newton"] <= 101.0
+    assert "draft_deviation_newton" not in metrics
+    assert "draft_frequency_hz" not in metrics
+
+
 def test_half_widths_are_those_of_the_record(tmp_path: Path) -> None:
     """Of a real run the mean's as in its summary, the deviation's as large a part of it; one tool's force."""
     found = scene()

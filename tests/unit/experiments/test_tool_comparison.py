@@ -14,9 +14,9 @@ from subsoil_ros.cli.compare import LEAST_FIELDS, MOST_FIELDS
 from subsoil_ros.experiments.run_cache import CachedRun
 from subsoil_ros.experiments.run_sweep import Sweep
 from subsoil_ros.experiments.sweep_points import Variation, one_soil
-from subsoil_ros.experiments.tool_comparison import Side, quantities_over_fields
+from subsoil_ros.experiments.tool_comparison import Side, quantities_of_runs, quantities_over_fields
 from subsoil_ros.experiments.verdict import cautions, quantity_rows, verdicts
-from subsoil_ros.figures.comparison import Difference
+from subsoil_ros.figures.comparison import Difference, Source
 from subsoil_ros.loading.loader import load_scene
 
 
@@ -89,6 +89,23 @@ def test_equal_seeds_are_paired(tmp_path: Path) -> None:
     assert headings == ["quantity", "one", "two", "two - one", "in %"]
     assert rows[0][1:] == ["1200", "1100", "-100 +- 2.484", "-8.3 +- 3.2"]
     assert rows[3][1:] == ["500", "500", "+0", "+0.0"]
+
+
+def test_power_is_that_of_all_tools_at_their_own_speeds(tmp_path: Path) -> None:
+    """Without a mechanism: 1000 N at 0.5 m/s and, on the second tool, at 0.25 m/s make 750 W."""
+    times = 0.01 * np.arange(400)
+    columns = {"time_s": times, "draft_newton": np.full(400, 2000.0)}
+    for name, speed in (("tine", 0.5), ("gauge", 0.25)):
+        columns[f"tool.{name}.force_x_newton"] = np.full(400, -1000.0)
+        columns[f"tool.{name}.velocity_x_m_per_s"] = np.full(400, speed)
+    sides = [side(tmp_path, label, {1: 2000.0}) for label in ("one", "two")]
+    for item in sides:
+        document = item.first.summary | {"loads": {"power": {"draft_watt": {"mean": 750.0}}}}
+        (item.first.folder / "summary.json").write_text(json.dumps(document))
+    fresh = [Side(item.label, {1: CachedRun(item.first.folder)}) for item in sides]
+    sources = [Source(item.label, columns, (1.0, 3.0)) for item in fresh]
+    found = {item.column: item for item in quantities_of_runs(fresh, sources)}
+    assert found["power_watt"].values == pytest.approx((750.0, 750.0))
 
 
 def test_drift_and_unlike_soils_are_said(tmp_path: Path) -> None:

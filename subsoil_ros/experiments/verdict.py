@@ -93,7 +93,7 @@ def _cautions_of(side: Side) -> Iterator[str]:
         ),
         (
             "left the range in which its wedge model was fitted (loads.extrapolated in its summary.json)",
-            sum(bool(item["loads"].get("extrapolated")) for item in summaries),
+            sum(bool(item.get("loads", {}).get("extrapolated")) for item in summaries),
         ),
         ("ended before its last tick", sum(item["run"].get("complete") is False for item in summaries)),
         (

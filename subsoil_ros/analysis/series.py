@@ -18,6 +18,7 @@ from ..messages import CouplingReport, MechanismState, SoilState, ToolMotions, T
 from ..recording.joined import open_record
 from ..scene.scene import Scene
 from ..schedule import Schedule
+from ..whole_files import write_whole
 from .columns import TIME, tick_cells
 
 _BLOCK_ROWS = 1000
@@ -102,7 +103,11 @@ def read_series(bag: Path, scene: Scene, on_time: Callable[[int], None] = lambda
 
 
 def write_series_csv(series: Series, path: Path) -> None:
-    """Write every column with the shortest digits that read back to the same bits."""
+    """Write every column with the shortest digits that read back to the same bits; whole, or not at all."""
+    write_whole(path, lambda part: _write_rows(series, part))
+
+
+def _write_rows(series: Series, path: Path) -> None:
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")  # in half the time of pandas
         writer.writerow(series.columns)

@@ -14,6 +14,7 @@ from pydantic_core import core_schema
 
 from ..loading.scene_schema import SchemaWithUnits
 from ..strict_model import StrictModel
+from ..whole_files import write_whole
 from ..yaml_document import Document
 from .columns import DRAFT
 
@@ -345,9 +346,9 @@ class UnrecordedSummary(StrictModel):
         return self.model_dump(exclude_unset=True)
 
     def write(self, path: Path) -> None:
-        """Write summary.json; numbers with all their digits."""
+        """Write summary.json, whole or not at all; numbers with all their digits."""
         text = json.dumps(self.document(), indent=1, allow_nan=False)
-        path.write_text(f"{text}\n", encoding="utf-8")
+        write_whole(path, lambda part: part.write_text(f"{text}\n", encoding="utf-8"))
 
 
 class Summary(UnrecordedSummary):

@@ -138,8 +138,9 @@ class Run:
 def read_run(folder: str | PathLike[str]) -> Run:
     """Read a run back.
 
-    series.csv and summary.json are read where they exist, and made from the bag otherwise. The meshes of a
-    bag without its run are not kept on the disk: its scene can be read, but not run again.
+    series.csv and summary.json are read where they exist in the folder of a run that has ended, and made from
+    the bag otherwise. The meshes of a bag without its run are not kept on the disk: its scene can be read,
+    but not run again.
 
     Args:
         folder: of a run, as `run` or `subsoil run` left it; or a bag alone (its folder or .mcap file).
@@ -155,22 +156,20 @@ def read_run(folder: str | PathLike[str]) -> Run:
     if not path.exists():
         raise InputError(f"{path}: no such folder; give one that `subsoil run` made, or a bag")
     with recorded_run(path) as recorded:
-        summary = _summary(recorded.directory / "summary.json")
+        kept = (
+            recorded.directory / "scene.yaml"
+        ).is_file()  # else those of a report may be of an earlier bag
+        summary = _summary(recorded.directory / "summary.json") if kept else None
         if summary is not None and not summary["run"]["recorded"]:
             return Run(recorded.resolved, summary, recorded.directory, None)
-        series = _series(recorded)
+        path = recorded.directory / "series.csv"
+        found = kept and path.is_file()
+        series = read_series_csv(path) if found else read_series(recorded.bag, recorded.resolved.scene)
         if summary is None:
             facts = checkpoint_facts(recorded.directory, None)
             summary = summarize(recorded.bag, recorded.resolved, facts, series).document()
         place = recorded.directory if recorded.directory.is_dir() else None
         return Run(recorded.resolved, summary, place, series)
-
-
-def _series(recorded: RecordedRun) -> Series:
-    path = recorded.directory / "series.csv"
-    if path.is_file():
-        return read_series_csv(path)
-    return read_series(recorded.bag, recorded.resolved.scene)
 
 
 def _summary(path: Path) -> Document | None:

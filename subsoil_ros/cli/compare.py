@@ -139,6 +139,7 @@ def run(args: argparse.Namespace) -> int:
         write_differences_csv(list(written.values()), labels, paths[0])
         with working("drawing the curves"):
             draw_overlay(sources, columns, paths[1])
+        (args.out / "comparison.html").unlink(missing_ok=True)  # one of an earlier call has other numbers
         if args.html:
             from ..figures.comparison_page import write_page
 

@@ -119,7 +119,7 @@ class _ExternalParticipant:
         method: Callable[..., Any] = getattr(self._participant, name)
         try:
             return method(*arguments)
-        except Exception as error:  # of another program: any error ends the run
+        except (Exception, SystemExit) as error:  # of another program: any error ends the run
             last = traceback.extract_tb(error.__traceback__)[-1]
             text = " ".join(str(error).split())
             raise kind(

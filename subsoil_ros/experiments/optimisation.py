@@ -15,10 +15,11 @@ from ..errors import InputError, RunError
 from ..loading.files import shipped_scene
 from ..loading.loader import load_scene
 from ..loading.overrides import Override, as_fragment
+from ..whole_files import write_whole
 from ..yaml_document import Document, dump_yaml, merge
 from .run_cache import lack_of
 from .run_jobs import ExecutionOptions, Watcher, run_jobs
-from .run_sweep import RUNS, open_folder, refuse_unknown, table_of, write_table, write_whole
+from .run_sweep import RUNS, open_folder, refuse_unknown, table_of, write_table
 from .sweep_points import Job, Point, Variation, jobs_of, one_soil, seed_key
 
 REQUEST = "optimise.yaml"

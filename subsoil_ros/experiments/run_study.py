@@ -7,11 +7,12 @@ from pathlib import Path
 import pandas as pd
 
 from ..errors import InputError, RunError
+from ..whole_files import write_whole
 from ..yaml_document import dump_yaml
 from .run_cache import CachedRun, lack_of
 from .run_jobs import ExecutionOptions, Watcher, run_jobs
 from .run_metrics import half_widths_of, metrics_of
-from .run_sweep import RUNS, failed_of, open_folder, table_of, write_table, write_whole
+from .run_sweep import RUNS, failed_of, open_folder, table_of, write_table
 from .study_design import REFERENCE, StudyDesign
 from .study_errors import Measurement, judge
 from .study_tables import draw, expected_presets, markdown, wide_table

@@ -1,8 +1,7 @@
 """A sweep: combinations of values of a scene, run, tabled, drawn and ranked."""
 
 import difflib
-import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from ..analysis.intervals import CONFIDENCE
 from ..analysis.summary import MEAN_DRAFT, flattened, path_of
 from ..errors import InputError
 from ..figures.sweep_figures import draw_response
+from ..whole_files import write_whole
 from ..yaml_document import dump_yaml
 from .run_cache import CachedRun
 from .run_jobs import ExecutionOptions, Watcher, run_jobs
@@ -219,10 +219,3 @@ def write_table(table: pd.DataFrame, stem: Path) -> tuple[Path, Path]:
     write_whole(paths[0], lambda part: table.to_csv(part, index=False))
     write_whole(paths[1], lambda part: table.to_parquet(part, engine="pyarrow", index=False))
     return paths
-
-
-def write_whole(path: Path, write: Callable[[Path], object]) -> None:
-    """Write a file beside `path`, then move it to `path`."""
-    part = path.with_name(f".{path.name}.part")
-    write(part)
-    os.replace(part, path)

@@ -13,10 +13,11 @@ from ..analysis.summary import MEAN_DRAFT, flattened, path_of
 from ..errors import InputError
 from ..figures.comparison import SHARED, Difference, Source, differences, labels_of
 from ..loading.loader import load_scene
+from ..whole_files import write_whole
 from ..yaml_document import Document, dump_yaml, read_document
 from .run_cache import CachedRun
 from .run_jobs import ExecutionOptions, Watcher, run_jobs
-from .run_sweep import RUNS, open_folder, write_whole
+from .run_sweep import RUNS, open_folder
 from .sweep_points import Point, jobs_of, one_soil
 
 REQUEST = "compare.yaml"

@@ -67,6 +67,8 @@ def _panel(axes: Axes, table: pd.DataFrame, key: str, name: str, other: str | No
             if len(found):
                 interval = mean_interval(found.tolist())
                 means.append((x, interval.mean, interval.half_width))
+        if not means:  # no run of this line has the quantity
+            continue
         places_x, mean, half = (np.array(column) for column in zip(*means, strict=True))
         axes.plot(places_x, mean, "-", color=colour, lw=1.4, label=f"{value}")
         if bars and np.isfinite(half).any():

@@ -132,12 +132,14 @@ def readable(source: Path) -> Path:
     folder = BagFolder(place / "bag", None, *_beginning(source))
     _copied(source, folder, lambda done_bytes: None)
     folder.close()
-    return _copies.setdefault(source, folder.path)
+    return _copies.setdefault(source, folder.path)  # below `place`, which goes with the process or before
 
 
 def forget_copies() -> None:
-    """Let the next reader of a bag that is being written see what is there by then."""
-    _copies.clear()
+    """Let the next reader of a bag that is being written see what is there by then; remove the copies."""
+    while _copies:
+        _, copy = _copies.popitem()
+        shutil.rmtree(copy.parents[1], ignore_errors=True)
 
 
 def _files_of(metadata: Path) -> list[str]:

@@ -200,7 +200,9 @@ def jobs(project: Project) -> list[Job]:
     """All runs, in the order in which they were asked for; those of the command line before them."""
     files = [path.stem for path in project.runs.glob("*.job") if is_name(path.stem)]
     asked = {name: found for name in files if (found := _asked(project, name))}
-    others = {path.parent.name for path in project.runs.glob("*/summary.json")} - asked.keys()
+    summaries = project.runs.glob("*/summary.json")
+    runs = {path.parent.name for path in summaries if (path.parent / "scene.yaml").is_file()}
+    others = runs - asked.keys()
     return [
         *(Job(name, "", *_outcome(project, name)) for name in sorted(filter(is_name, others))),
         *(
@@ -237,7 +239,9 @@ def _outcome(project: Project, name: str, *, stopped: bool = False) -> tuple[str
 @lru_cache(maxsize=4096)
 def _failure(summary: Path, _: int) -> str:
     """Why a run failed; empty: it did not. The second argument tells versions of the file apart."""
-    return str(json.loads(summary.read_text())["run"].get("failure") or "")
+    run = json.loads(summary.read_text())["run"]
+    partial = "ended before its last tick" if run.get("complete") is False else ""
+    return str(run.get("failure") or partial)
 
 
 @lru_cache(maxsize=4096)

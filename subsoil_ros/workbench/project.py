@@ -1,6 +1,5 @@
 """A project folder: scenes, tool files and runs by name. Nothing outside the folder has a name."""
 
-import os
 import re
 from collections.abc import Container
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from ruamel.yaml import YAML
 
 from ..errors import InputError
 from ..loading.files import shipped_names
+from ..whole_files import write_whole
 from ..yaml_document import Document, parse_yaml
 
 TOOL_SUFFIXES = (".stl", ".step", ".stp", ".obj", ".3mf")
@@ -206,7 +206,5 @@ def with_form(text: str, changes: Document) -> str:
 
 
 def write(path: Path, content: bytes) -> None:
-    """Write a file whole: beside itself, then renamed, so that a reader never sees a half."""
-    part = path.with_name(f".{path.name}.part")
-    part.write_bytes(content)
-    os.replace(part, path)
+    """Write a file whole, so that a reader never sees a half."""
+    write_whole(path, lambda part: part.write_bytes(content))

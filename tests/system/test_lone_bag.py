@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from subsoil_ros.api.read import recorded_run
+from subsoil_ros.api.read import read_run, recorded_run
 from subsoil_ros.cli.main import main
 from subsoil_ros.errors import InputError
 from subsoil_ros.loading.loader import load_scene
@@ -58,6 +58,9 @@ def test_a_report_of_the_file_alone(
     assert "0.stl" in (out / "report.html").read_text()
     assert f"bag: {lone}" in capsys.readouterr().out
     assert {path.name for path in lone.parent.iterdir()} == {"field.mcap", "field_report"}
+    whole = (out / "series.csv").read_text().splitlines(keepends=True)
+    (out / "series.csv").write_text("".join(whole[:3]))  # of an earlier bag of that name
+    assert len(read_run(lone).series) == len(whole) - 1
 
 
 def test_the_bag_of_a_run_stands_for_the_run(machine_bag: Path) -> None:

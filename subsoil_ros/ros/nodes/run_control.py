@@ -69,10 +69,17 @@ class RunControl:
         return RunState.PLAYING if self._coupler.ready else RunState.STOPPED
 
     def pause(self, answer: Answer) -> None:
-        """Pause at the end of the granted ticks."""
+        """Pause at the end of the granted ticks; steps that would go further end there."""
         if self._refused(answer):
             return
-        self._wait_for(self._coupler.pause(), answer)
+        last = self._coupler.pause()
+        waiting, self.waiting = self.waiting, []
+        for tick, other in waiting:
+            if tick > last:
+                other(Result.OPERATION_FAILED, f"paused at the end of tick {last}")
+            else:
+                self.waiting.append((tick, other))
+        self._wait_for(last, answer)
         self.note_done()
 
     def resume(self, answer: Answer) -> None:

@@ -107,9 +107,15 @@ class Service(threading.Thread):
             return
         gc.collect()
         gc.freeze()  # the objects of the node stay; garbage collections skip them
-        node.spin()
-        self.status = node.status
-        self.ended.set()
+        try:
+            node.spin()
+            self.status = node.status
+        except BaseException as error:  # nothing above it hears of the end of a thread
+            self.status = ExitStatus(RunError.exit_status, one_line(error))
+            self._heartbeat.say(NodeState.FAULT, self.status.reason, exit_status=self.status.code)
+            raise
+        finally:
+            self.ended.set()
         node.serve_ended(self._closing.is_set)
         node.destroy_node()
 

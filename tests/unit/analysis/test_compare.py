@@ -109,6 +109,7 @@ def test_two_scenes_in_two_fields(runs: list[Path], tmp_path: Path, capsys: Capt
     assert "http" not in page.split("<body>")[1]
     assert main(["compare", *names, "--until", "90", "--out", str(out)]) == 0
     assert "over 3 fields" in capsys.readouterr().out  # with the least number of fields
+    assert not (out / "comparison.html").exists()  # it was of two fields
     assert main(["compare", *names, "--out", str(tmp_path / "own")]) == 0
     assert "within these runs" in capsys.readouterr().out
 

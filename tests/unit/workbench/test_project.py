@@ -192,6 +192,16 @@ def test_a_run_that_just_begins_goes_on(project: Project, monkeypatch: pytest.Mo
     assert [job.state for job in jobs.jobs(project)] == ["running"]
 
 
+def test_a_run_that_was_killed_is_not_done(project: Project) -> None:
+    """`subsoil report` of its bag knows of no failure, and that its last tick is missing."""
+    folder = project.runs / "killed"
+    folder.mkdir(parents=True)
+    (folder / "scene.yaml").touch()
+    (folder / "summary.json").write_text('{"run": {"complete": false}}')
+    (job,) = jobs.jobs(project)
+    assert (job.state, job.detail) == ("failed", "ended before its last tick")
+
+
 @pytest.mark.parametrize(
     "text", ["", "{}", "[]", "3", "{", '{"asked_ns": 1, "words": []}', '{"asked_ns": "a"}']
 )
@@ -200,6 +210,8 @@ def test_files_of_others_are_no_runs(project: Project, text: str) -> None:
     jobs.ask_for(project, "first", "pull")
     (project.runs / "other.job").write_text(text)
     (project.runs / "a b.job").write_text(text)
-    (project.runs / "made").mkdir()
-    (project.runs / "made" / "summary.json").write_text(text)
+    for name in ("made", "made_so_far"):  # the second is a report of a run that goes on, and none itself
+        (project.runs / name).mkdir()
+        (project.runs / name / "summary.json").write_text(text)
+    (project.runs / "made" / "scene.yaml").touch()
     assert [(job.name, job.state) for job in jobs.jobs(project)] == [("made", "failed"), ("first", "queued")]

@@ -156,9 +156,13 @@ class HeightGrid:
 
 
 def height_grid(
-    positions_m: Positions, radius_m: float, box_m: tuple[tuple[float, float], tuple[float, float]]
+    positions_m: Positions,
+    radius_m: float,
+    box_m: tuple[tuple[float, float], tuple[float, float]],
+    radii_m: Positions | None = None,
 ) -> HeightGrid:
-    """Highest centre plus a radius in every cell of a box ((x, y) of its corners); positions (n, 3) [m]."""
+    """Highest top of a particle in every cell of a box ((x, y) of its corners); positions (n, 3), radii (n,),
+    None where all are radius_m, of which cells have the size [m]."""
     cell = CELL_DIAMETERS * 2.0 * radius_m
     (x_low, y_low), (x_high, y_high) = box_m
     columns = max(1, round((x_high - x_low) / cell))
@@ -167,7 +171,8 @@ def height_grid(
     row = np.floor((positions_m[:, 1] - y_low) / cell).astype(np.int64)
     inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
     height = np.full((rows, columns), -np.inf)
-    np.maximum.at(height, (row[inside], column[inside]), positions_m[inside, 2] + radius_m)
+    top = positions_m[:, 2] + (radius_m if radii_m is None else radii_m)
+    np.maximum.at(height, (row[inside], column[inside]), top[inside])
     return HeightGrid((x_low, y_low), cell, np.where(np.isfinite(height), height, np.nan))
 
 
@@ -191,7 +196,9 @@ def height_map(cloud: SoilCloud, soil: Soil | TerrainSoil) -> Message:
         grid = height_grid(positions, 0.5 * soil.cell_m, ((0.0, -half), (soil.bin.length_m, half)))
     else:
         low, high = soil_span_m(positions, soil)
-        grid = height_grid(positions, soil.particles.mean_volume_radius_m, ((low, -half), (high, half)))
+        radius, box = soil.particles.mean_volume_radius_m, ((low, -half), (high, half))
+        radii = None if cloud.radii_m is None else np.asarray(cloud.radii_m, np.float64)
+        grid = height_grid(positions, radius, box, radii)
     xs, ys = grid.centres_m()
     points = np.empty((*grid.height_m.shape, len(FIELDS)), dtype="<f4")
     points[:, :, 0], points[:, :, 1] = xs[None, :], ys[:, None]

@@ -64,3 +64,10 @@ def test_grid_ignores_who_left_the_box():
     places = np.array([[-0.01, 0.0, 5.0], [0.39, 0.21, 5.0], [0.2, 0.0, 0.1]])
     grid = height_grid(places, 0.01, ((0.0, -0.2), (0.4, 0.2)))
     assert np.nansum(grid.height_m) == np.float64(0.11)
+
+
+def test_the_top_of_each_particle_is_its_own():
+    """A large particle with a lower centre may be the highest."""
+    places = np.array([[0.2, 0.0, 0.10], [0.2, 0.0, 0.11]])
+    grid = height_grid(places, 0.02, ((0.0, -0.2), (0.4, 0.2)), np.array([0.03, 0.01]))
+    assert np.nansum(grid.height_m) == np.float64(0.13)

@@ -1,5 +1,6 @@
 """What is checked of a soil before and after each soil step."""
 
+import math
 from collections.abc import Sequence
 
 from ..errors import PhysicsError, SceneError
@@ -79,6 +80,11 @@ class StepChecks:
             # the default is where contacts end behind a face, which is nearer by the setback
             back_m = 0.0 if model.soil.max_tool_overlap_m else tool.mesh.setback_m
             allowed_m = model.largest_tool_overlap_m - back_m
+            if math.isinf(tool.max_overlap_m):
+                raise PhysicsError(
+                    f"{self.where(tick, step)}: the centre of a particle is pressed through a face of tool "
+                    f"{tool.name}, where its contact ends; {self._remedy_of_overlap(tool)}"
+                )
             if tool.max_overlap_m > allowed_m:
                 less = " less tools.*.setback_m" if back_m else ""
                 raise PhysicsError(

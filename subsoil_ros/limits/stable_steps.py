@@ -36,6 +36,10 @@ MECHANISM_INTERVAL_NS = 500_000
 """Tick of a scene without soil: 1/250 of the period of the paper's machine's fastest mode, 8 Hz."""
 
 
+AT_WORK = 0.05
+"""Overlap over radius at which dampers of laws with a varying stiffness are taken: the largest of a soil at
+work that check accepts."""
+
 LARGEST_STEP_COUNT = 1_000_000
 """Largest number of soil steps in a tick: one of 100,000 particles then takes a day."""
 
@@ -64,28 +68,41 @@ def step_limits(soil: Soil, coordination: float = DENSE_COORDINATION) -> tuple[S
     largest z / m (neighbours grow with the square of the radius at most, mass with its cube) under the
     stiffest of its pairs.
 
-    Bonds act beside the contacts: rates of dampers, and squares of frequencies, add up.
+    Bonds act beside the contacts: rates of dampers, and squares of frequencies, add up. Where waves set the
+    limit of the springs, dampers are those at an overlap of AT_WORK.
     """
-    layers = layer_soils(soil)
+    layers, named = layer_soils(soil), [""]
+    if soil.layers:
+        named = [f", layer {layer.name}" for layer in soil.layers]
     waves = [found for found in map(_wave_limit, layers) if found is not None]
     if waves:
         slowest = min(waves, key=lambda item: item.limit_s)
         of_bonds = [bond for layer in layers for bond in _bond_limits(layer, coordination).values()]
-        return tuple(sorted((_beside(slowest, of_bonds), *of_bonds), key=lambda item: item.limit_s))
+        dampers = [
+            found
+            for layer, where in zip(layers, named, strict=True)
+            for limits in (
+                _boundary_limits(layer, where),
+                *(_particle_limits(layer, other, coordination, where) for other in layers),
+            )
+            for found in limits.values()
+            if found.damped
+        ]
+        worst = [_beside(min(dampers, key=lambda item: item.limit_s), of_bonds)] if dampers else []
+        return tuple(sorted((_beside(slowest, of_bonds), *worst, *of_bonds), key=lambda item: item.limit_s))
     smallest: dict[str, StepLimit] = {}
-    for k, layer in enumerate(layers):
-        named = f", layer {soil.layers[k].name}" if soil.layers else ""
+    for layer, where in zip(layers, named, strict=True):
         bonds = _bond_limits(layer, coordination)
         candidates = [bonds]
         for other in layers:
-            found_here = _particle_limits(layer, other, coordination, named)
+            found_here = _particle_limits(layer, other, coordination, where)
             candidates.append(
                 {
                     kind: _beside(limit, (bonds[kind],) if kind in bonds else ())
                     for kind, limit in found_here.items()
                 }
             )
-        for limits in (*candidates, _boundary_limits(layer, named)):
+        for limits in (*candidates, _boundary_limits(layer, where)):
             for kind, found in limits.items():
                 if kind not in smallest or found.limit_s < smallest[kind].limit_s:
                     smallest[kind] = found
@@ -103,7 +120,7 @@ def _particle_limits(soil: Soil, other: Soil, z: float, named: str) -> dict[str,
     own, others = soil.particles.mean_volume_radius_m, other.particles.mean_volume_radius_m
     z *= ((own + others) / (2.0 * others)) ** 2
     mass = sphere_mass_kg(soil, radius)
-    pair = particle_values(soil, other, 0.5 * radius, 0.5 * mass)
+    pair = particle_values(soil, other, 0.5 * radius, 0.5 * mass).linear_at(AT_WORK * radius)
     arm = radius - 0.5 * pair.rest_overlap
     inertia = 0.4 * mass * radius**2
     name = f"coordination {z:g}, particle {mass * 1e3:.3g} g{named}"
@@ -198,7 +215,7 @@ def _boundary_limits(soil: Soil, named: str) -> dict[str, StepLimit]:
     """Limits of the smallest particle of `soil` in a corner of walls or tools, which do not give way."""
     radius = soil.particles.bounds_m[0]
     mass = sphere_mass_kg(soil, radius)
-    wall = boundary_values(soil, radius, mass)
+    wall = boundary_values(soil, radius, mass).linear_at(AT_WORK * radius)
     stiffest = wall.stiffened(max(1.0, soil.tool_stiffness_factor))
     normal, damping, sliding_damping = stiffest.max_stiffness, stiffest.damping, stiffest.tangential_damping
     tangential = wall.tangential_stiffness

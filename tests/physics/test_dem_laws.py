@@ -89,7 +89,7 @@ def test_chung_ooi_3_restitution_of_a_damped_impact(soil, restitution):
 
     The dashpot's formula is that of an ideal contact ending at zero overlap, good to about 0.5 % here.
     """
-    step_ns = 200
+    step_ns = 100  # half: z neighbours, for which the limit allows, would damp more
     for speed in (0.5, 3.9):
         engine = laboratory(
             soil, hertz(380e9, 0.23, restitution, 0.0, wall=(1e18, 0.2)), 0.0025, 4000.0, step_ns
@@ -97,7 +97,7 @@ def test_chung_ooi_3_restitution_of_a_damped_impact(soil, restitution):
         floor = engine.bed.lower_m[2]
         engine.place([(0.015, 0, floor + 0.0025)], [(0, 0, -speed)])
         engine.start(())
-        for tick in range(400):
+        for tick in range(800):
             engine.advance(tick, ())
         assert_allclose(engine.velocities_m_per_s()[0, 2] / speed, restitution, atol=0.012)
 

@@ -8,6 +8,7 @@ import trimesh
 from numpy.testing import assert_allclose
 
 from subsoil_ros.dem.tools.motion import motion_within
+from subsoil_ros.errors import PhysicsError
 from subsoil_ros.messages import ToolMotion
 from tests.soils import NEGLIGIBLE
 
@@ -182,6 +183,64 @@ def test_a_particle_pressed_through_a_thin_share_stays_on_its_side(soil, at, one
         assert wrench.force_x_newton <= 10.0 * 0.4  # on the way back the dashpot may pull: C v
     assert deepest > 0.0
     assert engine.positions_m()[0, 0] > place + 0.004
+
+
+def pressed_against_the_wall(soil, at, one, mesh, setback_m=0.0):
+    """Engine with a sphere of 10 mm, 2 mm in the far wall, and the x of its front."""
+    engine = soil.engine(
+        "gravity_m_per_s2=0", "soil.bin.length_m=0.2", law=NO_ADHESION, tools=one(mesh, setback_m=setback_m)
+    )
+    wall = engine.bed.upper_m[0]
+    engine.place([(wall - 0.008, 0.0, -0.05)])
+    return engine, wall - 0.018
+
+
+@pytest.mark.parametrize("setback_m", [0.0, 0.0067])
+def test_a_sharp_edge_that_passes_a_centre_parts_the_sphere_from_itself(soil, at, one, tmp_path, setback_m):
+    """A knife of 20 degrees, head-on: past the centre its faces hold the sphere, and push it aside."""
+    half = 0.06 * math.tan(math.radians(10.0))
+    corners = [(x, y, z) for y in (-0.03, 0.03) for x, z in ((0.0, 0.0), (-0.06, half), (-0.06, -half))]
+    trimesh.convex.convex_hull(np.array(corners)).export(tmp_path / "knife.stl")
+    engine, face = pressed_against_the_wall(soil, at, one, str(tmp_path / "knife.stl"), setback_m)
+    place = face + setback_m
+    engine.start(at(place - 1e-6, -0.05))
+    for tick in range(950):
+        place += 2e-5
+        wrench = engine.advance(tick, at(place, -0.05, vx=0.4))[0]
+        (x, _, z) = engine.positions_m()[0]
+        if place > x + 0.002 and abs(z + 0.05) < 0.009 - setback_m:  # not yet beside the knife
+            assert wrench.contact_count == 1
+    assert place > engine.positions_m()[0, 0] + 0.002
+    assert abs(engine.positions_m()[0, 2] + 0.05) > 0.002
+
+
+def test_a_sphere_that_is_pressed_through_ends_the_run(soil, at, one):
+    """By the default of soil.max_tool_overlap_m, before its contact ends in a thick box."""
+    engine, face = pressed_against_the_wall(soil, at, one, soil.box(0.06, 0.06, 0.06))
+    place = face - 0.03
+    engine.start(at(place - 1e-6, -0.05))
+
+    def push() -> None:
+        for tick in range(2200):
+            engine.advance(tick, at(place + 2e-5 * (tick + 1), -0.05, vx=0.4))
+
+    with pytest.raises(PhysicsError, match="is pressed through a face of tool tool, where its contact ends"):
+        push()
+
+
+def test_a_thin_plate_captures_no_sphere(soil, at, one):
+    """Pressed past the back of a plate of 3 mm, the sphere comes out of the face that it was pressed into."""
+    engine, face = pressed_against_the_wall(soil, at, one, soil.box(0.003, 0.06, 0.06))
+    place = face - 0.0015
+    engine.start(at(place - 1e-6, -0.05))
+    for tick in range(2800):
+        speed = 0.4 if tick < 1400 else -0.4
+        place += 5e-5 * speed
+        wrench = engine.advance(tick, at(place, -0.05, vx=speed))[0]
+        assert wrench.contact_count <= 1
+        if tick == 1399:
+            assert engine.positions_m()[0, 0] < place - 0.0015  # behind the back
+    assert engine.positions_m()[0, 0] > place + 0.0015
 
 
 def test_particles_that_a_tool_overlaps_are_removed(soil, at, one):

@@ -5,7 +5,9 @@ particle's centre has a minimum. Of minima in nearly one direction the deepest c
 smoothly concave place gives one contact however finely it is meshed, a concave corner one per face. Parts of
 a tool that touch or overlap are one surface. Surfaces are one-sided: a contact starts only from outside, and
 then stays on its face even when the centre is pressed through it, so a particle cannot flip to the far side
-of a thin share. Geometry and histories live in the tool's body frame.
+of a thin share; past a sharp edge it goes on at the nearest face. A particle that comes near the depth at
+which its contact would end is told by an infinite overlap. Geometry and histories live in the tool's body
+frame.
 """
 
 import math
@@ -30,6 +32,10 @@ _CHUNKS = 32
 
 DEEPEST = SHARED_SINKS + 1
 """Place of the largest overlap among the sums of a tool."""
+
+THROUGH = 0.9
+"""Part of its radius by which a centre is behind a face when it counts as pressed through: at a radius the
+contact would end, and a particle moves less than a tenth of it in a step."""
 
 CANDIDATES = 12
 """Minima of the distance that are compared; the shallowest of more are left out."""
@@ -180,7 +186,7 @@ def _find_contacts(row, p, reach, near, facets, out):
     px, py, pz = p
     setback = facets.setback[0]
     was_active, was_normal = near.active[row], near.normal[row]
-    found = 0
+    found, nearest, behind, inner = 0, reach, -reach, (0.0, 0.0, 0.0, 0.0)
     for q in range(near.facet_start[row], near.facet_start[row + 1]):
         m = near.facet[q]
         qx, qy, qz, kind = closest_feature(px, py, pz, facets.corner[m])
@@ -188,6 +194,7 @@ def _find_contacts(row, p, reach, near, facets, out):
         distance = math.sqrt(dx * dx + dy * dy + dz * dz)
         if distance >= reach:
             continue
+        nearest = min(nearest, distance)
         nx, ny, nz = facets.normal[m, 0], facets.normal[m, 1], facets.normal[m, 2]
         height = -(dx * nx + dy * ny + dz * nz)
         if kind == 0 or (height < 0.0 and distance + height < 1e-12):  # also behind the seam of a flat face
@@ -204,8 +211,11 @@ def _find_contacts(row, p, reach, near, facets, out):
                 cosine = nx * was_normal[s, 0] + ny * was_normal[s, 1] + nz * was_normal[s, 2]
                 if cosine > best:
                     slot, best = s, cosine
-        if distance < 0.0 and slot < 0:
-            continue  # seen from behind: another face holds this particle
+        if distance < 0.0 and slot < 0:  # seen from behind: another face holds this particle
+            if distance > behind:
+                behind = distance
+                inner = nx, ny, nz, float(facets.group[m])
+            continue
         if distance > 0.0 and len(facets.part) > 0:
             d, joined = (distance * nx, distance * ny, distance * nz), _JOINED * reach
             if _is_hidden(row, p, d, distance, joined, near, facets, m):
@@ -222,8 +232,35 @@ def _find_contacts(row, p, reach, near, facets, out):
         out[place, 3], out[place, 4], out[place, 5], out[place, 6] = distance, facets.group[m], slot, 0.0
         found = max(found, place + 1)
     kept = _one_of_each_direction(found, out)
+    kept = _from_one_side(kept, out)
+    if (
+        behind > -reach and -behind < nearest + _ROUNDING_M
+    ):  # inside the tool: past a sharp edge, if that held it
+        for s in range(CONTACTS):
+            if kept == 0 and was_active[s]:
+                out[0, 0], out[0, 1], out[0, 2] = inner[0], inner[1], inner[2]
+                out[0, 3], out[0, 4], out[0, 5], out[0, 6] = behind, inner[3], s, 1.0
+                kept = 1
     for k in range(kept):
         out[k, 3] += setback
+    return kept
+
+
+@inner_kernel()
+def _from_one_side(found, out):
+    """Leaves out contacts that begin where another one has pressed the centre through a thin part; returns
+    the number that is left."""
+    kept = 0
+    for k in range(found):
+        pressed = False
+        for other in range(found):
+            cosine = out[k, 0] * out[other, 0] + out[k, 1] * out[other, 1] + out[k, 2] * out[other, 2]
+            pressed |= out[other, 3] < 0.0 and cosine < -_SAME_NORMAL
+        if out[k, 5] < 0.0 and pressed:
+            continue
+        for a in range(FOUND):
+            out[kept, a] = out[k, a]
+        kept += 1
     return kept
 
 
@@ -311,7 +348,8 @@ def row_forces(row, near, facets, tool_motion, kinematics, model, room, loads_ou
         moment[1] -= rz * f[0] - rx * f[2] + m[1]
         moment[2] -= rx * f[1] - ry * f[0] + m[2]
         sums[SHARED_SINKS] += 1.0
-        sums[DEEPEST] = max(sums[DEEPEST], radius - distance)
+        through = distance - facets.setback[0] < -THROUGH * radius
+        sums[DEEPEST] = max(sums[DEEPEST], math.inf if through else radius - distance)
         for a in range(SHARED_SINKS):
             sums[a] += sinks[a]
         for a in range(SHARED_SINKS, len(sinks)):

@@ -105,6 +105,23 @@ def test_forces_and_the_stable_step_grow_with_the_radius() -> None:
         assert_allclose(new.limit_s / old.limit_s, RATIO, rtol=1e-12)
 
 
+def test_dashpots_of_hertz_and_mindlin_limit_the_step_where_they_are_strong() -> None:
+    """Restitution 0.1 (Tsuji et al. 1992; Antypov and Elliott 2011): 2 over the rate of spins at an overlap
+    of 5 %, below 0.2 of the Rayleigh time; at 0.6 the waves count."""
+    bouncing = MATERIAL | {"restitution": 0.1}
+    soil = soil_of({"kind": "hertz_mindlin", "particle": bouncing, "boundary": bouncing})
+    radius = soil.particles.bounds_m[0]
+    mass = particle_mass_kg(soil)
+    shear = MATERIAL["youngs_modulus_pa"] / (2.0 * (1.0 + 0.3)) / (2.0 * (2.0 - 0.3))
+    tangential = 8.0 * shear * math.sqrt(0.5 * radius * 0.05 * radius)
+    ratio = -math.log(0.1) / math.hypot(math.pi, math.log(0.1))
+    damping = 2.0 * math.sqrt(5.0 / 6.0) * ratio * math.sqrt(tangential * 0.5 * mass)
+    rate = 4.0 / 3.0 * 10.4 * damping * radius**2 / (0.4 * mass * radius**2)
+    first = step_limits(soil)[0]
+    assert (first.limit_s, first.damped) == (pytest.approx(2.0 / rate, rel=1e-9), True)
+    assert not step_limits(soil_of(LAWS["hertz_mindlin"]))[0].damped
+
+
 def test_a_scene_asks_for_it_by_the_radius_of_the_law() -> None:
     """particles.reference_radius_m scales the law of a scene."""
     given = [

@@ -59,7 +59,7 @@ def statistics_of(series: Series, resolved: ResolvedScene, window: Window) -> Ru
     """Without soil."""
     steady = stationarity(series["time_s"], series["draft_newton"])
     loads = loads_of(series, resolved, window)
-    return RunStatistics(loads, {"draft_newton": steady}, {}, None, None, None, {}, {}, None)
+    return RunStatistics(loads, {"draft_newton": steady}, {}, None, None, None, {}, {}, None, {})
 
 
 def two_ranks(folder: Path, **changes: object) -> ResolvedScene:

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -73,6 +74,15 @@ def end_runs(progress: SweepProgress) -> None:
         progress.ended(str(run), None)
 
 
+@pytest.fixture
+def hears() -> Iterator[None]:
+    """Python's own handler; what is started in the background may ignore Ctrl-C."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("hears")
 def test_an_interrupt_that_a_library_swallows_ends_the_runs_after_the_one_in_progress() -> None:
     """Python swallows an exception in `__del__` and in callbacks of weak references."""
     with answered_interrupts("sweep"), SweepProgress("sweep") as progress:

@@ -1,13 +1,12 @@
 """How much of a run on a wedge model lay outside the range in which the model was fitted."""
 
-import math
 from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..loading.loader import ResolvedScene
-from ..loading.soil_file import soil_of
+from ..loading.soil_file import RANGE_UNITS, soil_of
 from ..scene.tool_faces import cutting_faces
 from ..scene.tool_mesh import load_tool_mesh
 from ..yaml_document import Document
@@ -33,8 +32,7 @@ def extrapolated(series: Series, resolved: ResolvedScene, window: Window) -> Doc
     for name, tool in resolved.scene.tools.items():
         if not tool.is_tillage or tool.is_spatial or PlanarTool(name).angle_rad not in series:
             continue
-        quantities = dict(_quantities(name, series, resolved, window))
-        for key, values in quantities.items():
+        for key, values in _quantities(name, series, resolved, window):
             low, high = getattr(fitted, key)
             outside = (values > high) | ((values < low) & (key != "speed_m_per_s"))
             if outside.mean() > TOLD_PART:
@@ -58,8 +56,8 @@ def _quantities(
     share = cutting_faces(load_tool_mesh(resolved.directory, scene, name), f"tools.{name}")[0]
     turn = series[at.angle_rad][window.rows] - reference
     ahead, up = share.tip_m
-    depth = -(series[at.z_m][window.rows] + np.sin(turn) * ahead + np.cos(turn) * up)
-    below = np.cos(turn) * up + np.sin(turn) * ahead
+    below = np.sin(turn) * ahead + np.cos(turn) * up
+    depth = -(series[at.z_m][window.rows] + below)
     speed = (
         series[at.velocity_x_m_per_s][window.rows]
         - series[at.angular_velocity_rad_per_s][window.rows] * below
@@ -73,9 +71,7 @@ def _quantities(
 
 def words(tool: str, key: str, item: Document) -> str:
     """One line on a quantity that left the fitted range."""
-    unit, factor = {
-        "depth_m": ("m", 1.0), "speed_m_per_s": ("m/s", 1.0), "rake_rad": ("degrees", 180.0 / math.pi),
-    }[key]  # fmt: skip
+    unit, factor = RANGE_UNITS[key]
     least, largest, low, high = (
         f"{factor * item[end]:.3g}" for end in ("least", "largest", "fitted_from", "fitted_to")
     )

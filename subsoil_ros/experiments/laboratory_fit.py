@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from ..analysis.intervals import t_quantile
 from ..errors import InputError
-from ..limits.soil_at_work import MAX_OVERLAP, WORKING_STRESS_PA
+from ..limits.soil_at_work import WORKING_STRESS_PA
+from ..limits.stable_steps import MAX_OVERLAP
 from ..loading.loader import load_scene
 from ..scene.material import VERSION, Interval, LaboratorySoil, Material, mean_volume_radius_m, sizes_about
 from ..yaml_document import Document

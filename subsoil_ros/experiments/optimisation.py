@@ -96,8 +96,8 @@ class SearchResult:
 
 
 def in_every_run(overrides: Sequence[str]) -> str:
-    """Options of a command that give the same overrides."""
-    return " ".join(shlex.join(["--set", text]) for text in overrides)
+    """Options of a command that give the same overrides, in one line."""
+    return " ".join(shlex.join(["--set", " ".join(text.split())]) for text in overrides)
 
 
 def parse_ranges(variations: Sequence[Variation]) -> tuple[Range, ...]:
@@ -150,9 +150,9 @@ def search(wanted: Search, out: Path, manner: ExecutionOptions, watcher: Watcher
         points = [Point({item.key: _proposed(trial, item) for item in wanted.ranges}) for trial in asked]
         jobs = jobs_of(wanted.scene, changes, points, wanted.seeds)
         runs = run_jobs(jobs, out / RUNS, manner, watcher)
-        tables.append(table_of(jobs, runs).assign(failure=[lack_of(run) for run in runs]))
-        lacks = zip(jobs, map(lack_of, runs), strict=True)
-        failed += [(job.point.label, lack) for job, lack in lacks if lack]
+        lacks = [lack_of(run) for run in runs]
+        tables.append(table_of(jobs, runs).assign(failure=lacks))
+        failed += [(job.point.label, lack) for job, lack in zip(jobs, lacks, strict=True) if lack]
         paths = write_table(pd.concat(tables, ignore_index=True), out / "trials")
         if any(run.failure is None for run in runs):
             refuse_unknown([wanted.least], tables[-1], "--least")

@@ -93,8 +93,8 @@ def warn_of_other_code(runs: Iterable[CachedRun]) -> None:
     other = [run for run in runs if run.facts.get("code") != code_digest()]
     if other:
         _logger.warning(
-            "warning: %d kept runs are of another version of the engines, and may have other numbers: remove "
-            "%s to run all again",
+            "warning: kept runs of another version of the engines, whose numbers may differ: %d; remove %s "
+            "to run all again",
             len(other),
             other[0].folder.parent,
         )

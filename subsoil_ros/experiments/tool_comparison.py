@@ -249,9 +249,7 @@ def _with_forces(source: Source, run: CachedRun) -> Source:
         if parts and all(part in columns for part in parts):
             columns[name] = np.sum([columns[part] for part in parts], axis=0)
     mechanism, tools = scene.get("mechanism"), scene.get("tools")
-    pulls: list[
-        tuple[str, str, float]
-    ] = []  # columns of force and speed, and the sign of a draft in the force
+    pulls: list[tuple[str, str, float]] = []  # columns of force and speed; sign of a draft in the force
     if mechanism and mechanism.get("draft_driver"):
         body = Body(mechanism["joints"][mechanism["draft_driver"]]["body"])
         pulls = [(DRAFT, body.velocity_x_m_per_s, 1.0)]

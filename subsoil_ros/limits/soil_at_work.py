@@ -15,13 +15,11 @@ from ..scene.soil import Soil
 from ..scene.time_laws import ConstantLaw, Law, RampLaw, TableLaw
 from ..scene.tool_mesh import ToolMesh
 from ..scene.tools import Path
-from .stable_steps import step_limits
+from .stable_steps import MAX_OVERLAP, step_limits
 
 WORKING_STRESS_PA, UPPER_STRESS_PA = 100e3, 300e3
-"""Stress before a share: drafts of 1.2 kN (a loam at 0.2 m) and 3.6 kN on a front of 0.06 m by 0.2 m."""
-
-MAX_OVERLAP = 0.05
-"""Bound of overlap over radius at WORKING_STRESS_PA: beyond it springs, not friction, resist compaction."""
+"""Stress before a share: drafts of 1.2 kN (a loam at 0.2 m) and 3.6 kN on a front of 0.06 m by 0.2 m; at the
+first overlaps are bounded by MAX_OVERLAP."""
 
 SHEAR_BAND_DIAMETERS = 10.0
 """Width of a shear band. Source: K.H. Roscoe, Geotechnique 20 (1970) 129-170."""

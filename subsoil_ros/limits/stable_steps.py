@@ -36,9 +36,9 @@ MECHANISM_INTERVAL_NS = 500_000
 """Tick of a scene without soil: 1/250 of the period of the paper's machine's fastest mode, 8 Hz."""
 
 
-AT_WORK = 0.05
-"""Overlap over radius at which dampers of laws with a varying stiffness are taken: the largest of a soil at
-work that check accepts."""
+MAX_OVERLAP = 0.05
+"""Bound of overlap over radius of a soil at work: beyond it springs, not friction, resist compaction. Dampers
+of laws with a varying stiffness are taken there."""
 
 LARGEST_STEP_COUNT = 1_000_000
 """Largest number of soil steps in a tick: one of 100,000 particles then takes a day."""
@@ -69,7 +69,7 @@ def step_limits(soil: Soil, coordination: float = DENSE_COORDINATION) -> tuple[S
     stiffest of its pairs.
 
     Bonds act beside the contacts: rates of dampers, and squares of frequencies, add up. Where waves set the
-    limit of the springs, dampers are those at an overlap of AT_WORK.
+    limit of the springs, dampers are those at an overlap of MAX_OVERLAP.
     """
     layers, named = layer_soils(soil), [""]
     if soil.layers:
@@ -120,7 +120,7 @@ def _particle_limits(soil: Soil, other: Soil, z: float, named: str) -> dict[str,
     own, others = soil.particles.mean_volume_radius_m, other.particles.mean_volume_radius_m
     z *= ((own + others) / (2.0 * others)) ** 2
     mass = sphere_mass_kg(soil, radius)
-    pair = particle_values(soil, other, 0.5 * radius, 0.5 * mass).linear_at(AT_WORK * radius)
+    pair = particle_values(soil, other, 0.5 * radius, 0.5 * mass).linear_at(MAX_OVERLAP * radius)
     arm = radius - 0.5 * pair.rest_overlap
     inertia = 0.4 * mass * radius**2
     name = f"coordination {z:g}, particle {mass * 1e3:.3g} g{named}"
@@ -215,7 +215,7 @@ def _boundary_limits(soil: Soil, named: str) -> dict[str, StepLimit]:
     """Limits of the smallest particle of `soil` in a corner of walls or tools, which do not give way."""
     radius = soil.particles.bounds_m[0]
     mass = sphere_mass_kg(soil, radius)
-    wall = boundary_values(soil, radius, mass).linear_at(AT_WORK * radius)
+    wall = boundary_values(soil, radius, mass).linear_at(MAX_OVERLAP * radius)
     stiffest = wall.stiffened(max(1.0, soil.tool_stiffness_factor))
     normal, damping, sliding_damping = stiffest.max_stiffness, stiffest.damping, stiffest.tangential_damping
     tangential = wall.tangential_stiffness

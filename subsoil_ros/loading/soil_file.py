@@ -20,6 +20,13 @@ from ..strict_model import StrictModel
 from ..yaml_document import Document, dump_yaml, read_document
 from .validation import validated
 
+RANGE_UNITS = {
+    "depth_m": ("m", 1.0),
+    "speed_m_per_s": ("m/s", 1.0),
+    "rake_rad": ("deg", 180.0 / math.pi),
+}
+"""Unit in messages and its factor, by the key of SoilRange."""
+
 RANGE_MARGIN = 1.2
 """Factor beyond its range up to which a soil file is accepted, with a warning: forces change slowly there."""
 
@@ -256,11 +263,7 @@ def _work(scene: Scene, name: str, share: CuttingFace, rake: float) -> list[tupl
 
 def _in_range(place: str, what: str, key: str, value: float, fitted: SoilRange, beyond: bool) -> list[str]:
     low, high = getattr(fitted, key)
-    unit, factor = {
-        "depth_m": ("m", 1.0),
-        "speed_m_per_s": ("m/s", 1.0),
-        "rake_rad": ("deg", 180.0 / math.pi),
-    }[key]
+    unit, factor = RANGE_UNITS[key]
     if low <= value <= high:
         return []
     text = (

@@ -9,8 +9,9 @@ import numpy as np
 from numba import cuda
 
 from ..particles import ToolList
+from ..tools.contacts import CONTACTS
 from ..tools.facets import Facets
-from ..tools.forces import CONTACTS, ToolLoads
+from ..tools.forces import ToolLoads
 from ..walls import WALLS
 from .device import WARP
 

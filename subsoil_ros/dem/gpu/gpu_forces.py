@@ -40,7 +40,8 @@ from ..mixture import ContactModel, pair_of, sphere_of
 from ..pairs import contact_of_pair
 from ..per_particle import of_particle
 from ..periodic import nearest_image
-from ..tools.forces import CANDIDATES, CONTACTS, DEEPEST, FOUND, Room, ToolLoads, row_forces
+from ..tools.contacts import CANDIDATES, CONTACTS, FOUND
+from ..tools.forces import DEEPEST, Room, ToolLoads, row_forces
 from ..tools.motion import motion_at
 from ..walls import WALLS, contact_at_wall
 from .device import THREADS, WARP

@@ -19,8 +19,8 @@ from ..neighbours import axis_cell
 from ..particles import Kinematics, Loads
 from ..per_particle import of_particle
 from ..periodic import nearest_image
+from ..tools.contacts import CONTACTS
 from ..tools.facets import closest_feature
-from ..tools.forces import CONTACTS
 from ..tools.motion import into_body, motion_at
 from ..walls import WALLS
 from .device import WARP

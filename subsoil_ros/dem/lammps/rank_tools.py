@@ -17,8 +17,8 @@ from ..model import SoilModel
 from ..neighbours import cell_grid, sort_by_cell
 from ..particles import Particles, ToolList
 from ..periodic import TOOL_SKIN
+from ..tools.contacts import CONTACTS
 from ..tools.facets import near_facets
-from ..tools.forces import CONTACTS
 from ..tools.surface import ToolSurface
 
 SLOTS = 4

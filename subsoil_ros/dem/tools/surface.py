@@ -20,8 +20,9 @@ from ..neighbours import CellGrid, carry_rows
 from ..particles import Particles, ToolList
 from ..periodic import refuse_tool_at_held_side, refuse_tool_at_seam
 from ..snapshot import from_named, motion_array, motion_from, named
+from .contacts import CONTACTS
 from .facets import Facets, facets_of, inside_or_near, near_facets
-from .forces import CONTACTS, parts_of_loads, tool_forces, tool_scan
+from .forces import parts_of_loads, tool_forces, tool_scan
 from .motion import Motion, kernel_motion
 
 

@@ -98,26 +98,27 @@ class Service(threading.Thread):
         try:
             node = self._build()
         except Exception as error:  # published, like any fault of a node
-            say_trace(error)
-            self.status = ExitStatus(getattr(error, "exit_status", RunError.exit_status), one_line(error))
-            log_end(self._heartbeat.node.get_logger(), self.status)
-            self._heartbeat.say(NodeState.FAULT, self.status.reason, exit_status=self.status.code)
-            self._heartbeat.flush(LAST_WORD_S)
-            self.ended.set()
+            self._end(error)
             return
         gc.collect()
         gc.freeze()  # the objects of the node stay; garbage collections skip them
         try:
             node.spin()
-            self.status = node.status
-        except BaseException as error:  # nothing above it hears of the end of a thread
-            self.status = ExitStatus(RunError.exit_status, one_line(error))
-            self._heartbeat.say(NodeState.FAULT, self.status.reason, exit_status=self.status.code)
-            raise
-        finally:
-            self.ended.set()
+        except BaseException as error:  # nothing above hears of the end of a thread
+            self._end(error)
+            return
+        self.status = node.status
+        self.ended.set()
         node.serve_ended(self._closing.is_set)
         node.destroy_node()
+
+    def _end(self, error: BaseException) -> None:
+        say_trace(error)
+        self.status = ExitStatus(getattr(error, "exit_status", RunError.exit_status), one_line(error))
+        log_end(self._heartbeat.node.get_logger(), self.status)
+        self._heartbeat.say(NodeState.FAULT, self.status.reason, exit_status=self.status.code)
+        self._heartbeat.flush(LAST_WORD_S)
+        self.ended.set()
 
     def close(self) -> None:
         """Wait until the node is destroyed."""

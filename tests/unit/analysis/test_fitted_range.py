@@ -40,7 +40,7 @@ def test_rake_depth_and_speed_outside_the_fit() -> None:
     assert item[1]["part"] == pytest.approx(0.2)
     assert item[1]["largest"] == pytest.approx(fitted_to + math.radians(3.0), abs=1e-6)
     assert words("shank", *item).startswith(
-        "shank: rake 27.9 to 39.5 degrees, in 20 % of the window outside 25 to 36.5"
+        "shank: rake 27.9 to 39.5 deg, in 20 % of the window outside 25 to 36.5"
     )
     fast = {**columns, AT.velocity_x_m_per_s: np.full(count, 5.0), AT.z_m: -0.3 - below}
     far = extrapolated(Series(fast, "run", 1.0), found, window)["shank"]

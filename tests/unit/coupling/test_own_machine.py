@@ -2,6 +2,7 @@
 
 import json
 import math
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -107,6 +108,7 @@ BAD: dict[str, tuple[Callable[[Any], Any], str]] = {
     "in space": (spatial, "gave a SpatialMotion for tool 'foot'; give a ToolMotion"),
     "aside": (lambda m: [replace(m[0], y_m=0.1)], "gave y_m 0.1, but it moves in the plane y = 0 m"),
     "an error": (raises, "raised ZeroDivisionError: by hand ("),
+    "an exit": (lambda m: sys.exit("by hand"), "raised SystemExit: by hand ("),
 }
 
 

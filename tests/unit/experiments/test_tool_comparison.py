@@ -122,6 +122,21 @@ def test_drift_and_unlike_soils_are_said(tmp_path: Path) -> None:
     assert unlike.startswith("two and one differ in soil.bed: ")
 
 
+def test_errors_and_range_of_a_wedge_model_are_said(tmp_path: Path) -> None:
+    """A difference may be that of the model, the more where it is extrapolated."""
+    one = side(tmp_path, "one", {1: 1.0, 2: 2.0, 3: 3.0})
+    for run in one.runs.values():
+        (run.folder / "scene.yaml").write_text("soil: {model: wedge}\n")
+    (out, *_) = one.runs.values()
+    beyond = out.summary | {"loads": {"extrapolated": {"tine": {"rake_rad": {"part": 0.2}}}}}
+    (out.folder / "summary.json").write_text(json.dumps(beyond))
+    runs = {seed: CachedRun(run.folder) for seed, run in one.runs.items()}
+    model, left = cautions([Side("one", runs)])
+    assert model.startswith("drafts of a wedge model err by up to 7 % in loam")
+    assert left.startswith("one: left the range in which its wedge model was fitted")
+    assert left.endswith("(1 of 3 fields)")
+
+
 @pytest.mark.parametrize(
     ("interval", "words"),
     [

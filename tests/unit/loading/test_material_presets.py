@@ -265,3 +265,11 @@ def test_quoted_errors_are_those_of_the_study(preset, row):
         ends = [table[f"{name}_error{end}"] for end in ("", "_low", "_high")]
         found = [0.0, -half, half] if preset == "fine" else ends
         assert [error.mean, error.low, error.high] == pytest.approx(found, abs=6e-5), name
+
+
+def test_a_wedge_model_is_offered_where_one_comes_with_the_material() -> None:
+    """In dry sand only presets of particles, with their errors beside the limit of small ones."""
+    assert tuple(load_scene("field_tine").presets) == OF_MATERIALS
+    sand = load_scene("field_tine", ["soil.material=dry_sand"]).presets
+    assert tuple(sand) == OF_MATERIALS[:-1]
+    assert all(preset.expected is not None for preset in sand.values())

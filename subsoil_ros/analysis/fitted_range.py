@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ..loading.loader import ResolvedScene
 from ..loading.soil_file import RANGE_UNITS, soil_of
 from ..scene.tool_faces import cutting_faces
-from ..scene.tool_mesh import load_tool_mesh
+from ..scene.tool_mesh import load_tool_mesh, reference_angle
 from ..yaml_document import Document
 from .columns import PlanarTool
 from .metrics_window import Window
@@ -51,10 +51,8 @@ def _quantities(
 ) -> Iterator[tuple[str, NDArray[np.float64]]]:
     """Depth, speed and rake of a tool's share in the rows of the window in which it is in the soil."""
     scene, at = resolved.scene, PlanarTool(name)
-    body, mechanism = scene.tools[name].body, scene.mechanism
-    reference = mechanism.bodies[body].angle_rad if body is not None and mechanism is not None else 0.0
     share = cutting_faces(load_tool_mesh(resolved.directory, scene, name), f"tools.{name}")[0]
-    turn = series[at.angle_rad][window.rows] - reference
+    turn = series[at.angle_rad][window.rows] - reference_angle(scene, name)
     ahead, up = share.tip_m
     below = np.sin(turn) * ahead + np.cos(turn) * up
     depth = -(series[at.z_m][window.rows] + below)

@@ -16,8 +16,8 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from subsoil_ros.dem.particles import ToolList
+from subsoil_ros.dem.tools.contacts import CANDIDATES, CONTACTS, FOUND, find_contacts
 from subsoil_ros.dem.tools.facets import facets_of
-from subsoil_ros.dem.tools.forces import CANDIDATES, CONTACTS, FOUND, _find_contacts
 from subsoil_ros.scene.tool_mesh import ToolMesh
 
 RADIUS = 0.0125
@@ -33,7 +33,7 @@ def _found(centres, facets, near, reach):
     out = np.empty((CANDIDATES, FOUND))
     for i in range(len(centres)):
         place = centres[i, 0], centres[i, 1], centres[i, 2]
-        count[i] = _find_contacts(0, place, reach, near, facets, out)
+        count[i] = find_contacts(0, place, reach, near, facets, out)
         rows[i, : count[i]] = out[: count[i]]
     return count, rows
 

@@ -14,7 +14,7 @@ class Leaving:
 
 
 def test_the_end_of_a_thread_is_a_fault() -> None:
-    """Else nobody hears of it, and who waits for `ended` waits for ever."""
+    """Else no one hears of it, and who waits for `ended` waits for ever."""
     said: list[Any] = []
     logger = SimpleNamespace(fatal=said.append, error=said.append, info=said.append, warning=said.append)
     heartbeat = SimpleNamespace(
